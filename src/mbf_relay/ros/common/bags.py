@@ -1,4 +1,4 @@
-"""Recorded bags: opened with errors a user can mend, and their transforms as tf2 takes them."""
+"""Reading rosbags: errors that tell a user what to do, the topic with laser scans, and transforms that tf2 can take."""
 
 from __future__ import annotations
 
@@ -19,7 +19,12 @@ from mbf_relay.ros.common.conversions import take_transform
 
 
 def open_bag(path: str) -> rosbag.Bag:
-    """Open a bag to read; OSError where there is none, ValueError where it is none."""
+    """Open a bag for reading.
+
+    Raises:
+        OSError: There is no such file, or it cannot be opened.
+        ValueError: The file is no bag, is damaged, or has no index yet.
+    """
     files.open_regular(path, sys.maxsize).close()
     try:
         return rosbag.Bag(path)
@@ -40,7 +45,7 @@ def open_bag(path: str) -> rosbag.Bag:
 
 
 def read_messages(bag: rosbag.Bag, topics: Optional[List[str]] = None) -> Iterator[Any]:
-    """Return a bag's messages as rosbag does; ValueError where a part of it is broken."""
+    """Yield (topic, message, time) as rosbag does; raise ValueError where a part of the bag is damaged."""
     try:
         yield from bag.read_messages(topics)
     except (rosbag.ROSBagException, genpy.DeserializationError, struct.error, LookupError, ValueError, TypeError,
@@ -51,15 +56,17 @@ def read_messages(bag: rosbag.Bag, topics: Optional[List[str]] = None) -> Iterat
 def find_scan_topic(
     bag: rosbag.Bag, wanted: Optional[str] = None, choice: str = "remap 'scan' to the one to use"
 ) -> str:
-    """Return the bag's topic of laser scans; `scan` as remapped where there are several.
+    """Return the name of the bag's topic with laser scans.
+
+    That is the topic `wanted`; without it the topic `scan`, as remapped, else the only one of that type.
 
     Args:
         bag: The bag.
-        wanted: The one a user names, with or without its first slash, as bags have them.
-        choice: How a user names one.
+        wanted: Topic given by the user, with or without its leading slash.
+        choice: For the error's text: what the user can do to choose a topic.
 
     Raises:
-        ValueError: It has none, not the one that is wanted, or several of other names.
+        ValueError: The bag has no laser scans, none on `wanted`, or several such topics and none of them is `scan`.
     """
     topics = bag.get_type_and_topic_info().topics
     scans: List[str] = sorted(name for name, info in topics.items() if info.msg_type == "sensor_msgs/LaserScan")
@@ -72,9 +79,7 @@ def find_scan_topic(
 
 
 def sound_transforms(transforms: Iterable[Any]) -> Iterator[TransformStamped]:
-    """Return the transforms of a bag's message that tf2 survives, without leading slashes.
-
-    Others are left out and named.
+    """Yield the valid transforms of a TFMessage from a bag, without leading slashes; warn of those that are left out.
     """
     for transform in transforms:
         try:
@@ -89,9 +94,9 @@ def sound_transforms(transforms: Iterable[Any]) -> Iterator[TransformStamped]:
 
 
 def as_tf2_wants(transform: Any) -> TransformStamped:
-    """Return a bag's transform without the leading slashes of old frame names.
+    """Return a bag's transform as a geometry_msgs/TransformStamped, without the leading slashes of old frame names.
 
-    A bag's messages are of classes made when it is read, which tf2 takes with a warning for each; so it gets its own.
+    rosbag generates its message classes when it reads a bag; tf2 warns of each such message.
     """
     header, moved, turned = transform.header, transform.transform.translation, transform.transform.rotation
     return TransformStamped(

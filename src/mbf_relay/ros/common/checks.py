@@ -1,7 +1,7 @@
-"""The door: what messages from outside must keep before anything is built from them.
+"""Validation of incoming messages, before anything is built from them.
 
-Of this time, finite, within what robots and floors measure, and of the size they say. One function per message; each
-returns nothing and raises InvalidMessage, whose one line has the value and what is allowed.
+Stamps must be current, numbers finite and plausible for a ground robot, and arrays as long as their headers say. Each
+`check_...` function returns nothing and raises InvalidMessage, whose one line has the value and what is allowed.
 """
 
 from __future__ import annotations
@@ -16,75 +16,76 @@ from mbf_relay.maps import COARSEST, FINEST, too_large
 from mbf_relay.scan_monitor import LARGEST_GAP
 
 LONGEST_FRAME = 256
-"""Characters of a frame's name; each line about a goal or a message repeats it."""
+"""Characters a frame's name may have: log lines about goals and messages repeat it."""
 AHEAD = 2.5
-"""Seconds a stamp may be ahead of the clock: amcl post-dates its transform by up to 2 s, as upstream's range allows."""
+"""Seconds a stamp may be ahead of the clock: amcl's transform_tolerance, up to 2 s, dates map → odom ahead."""
 CLOCKS_DIFFER = "two clocks differ, as those of two computers, or simulated time and the wall's"
-"""What both a stamp ahead of the clock tells, and one that is old when it comes."""
+"""Explanation in errors, for a stamp ahead of the clock and for one that was old when it arrived."""
 TF2_END = 2 ** 31 - 1000
-"""Seconds from which tf2 ends the process, less what its caches add to a stamp."""
+"""Stamps (s) from which on tf2's C++ core aborts the process, less a margin for the cache time it adds to a stamp."""
 LONGEST_RANGE = 1e4
-"""Metres that a range sensor may claim to reach."""
+"""Metres to which a lidar's range_max is cut."""
 FIRST_RANGE = 10.0
-"""Metres within which a range sensor must begin to see: the nearest it tells, in millimetres, is ten times as far."""
+"""Largest range_min (m) of a lidar. A driver that publishes millimetres has at least a hundred here."""
 NEAREST_READING = 100.0
-"""Metres within which a scan with readings must have one: in millimetres, that is nearer than any robot's own hull."""
+"""Metres below which the nearest reading of a scan must be. Read as millimetres, 100 would lie inside the robot's hull:
+a scan without any nearer reading is in millimetres."""
 MOST_BEAMS = 100000
-"""Beams of a scan: a hundred times what planar lidars have."""
+"""Beams a scan may have: a hundred times what planar lidars have."""
 MOST_ANGLE = 4.0 * math.pi
-"""Radians: no lidar looks farther round than that, nor begins there."""
+"""Largest magnitude (rad) of angle_min."""
 MOST_POINTS = 4000000
-"""Points of a cloud: four megapixels of a depth camera."""
+"""Points a cloud may have: a depth camera of four megapixels."""
 MOST_POSES = 1000000
-"""Poses of a path: 50 km at 5 cm."""
+"""Poses a path may have: 50 km at 5 cm."""
 
 
 class InvalidMessage(ValueError):
-    """A message holds values that mean nothing; the text names them."""
+    """A message has invalid values; the text names them."""
 
 
 def check_finite(**values: float) -> None:
-    """Refuse numbers, by their names, that are infinite or none."""
+    """Refuse numbers, given as name=value, that are infinite or NaN."""
     for name, value in values.items():
         if not math.isfinite(value):
             raise InvalidMessage(f"{name} is {value}; it must be finite")
 
 
 def check_place(*place: float) -> None:
-    """Refuse a position (m) that is not finite or farther away than anything navigated to."""
+    """Refuse coordinates (m) that are not finite or beyond FARTHEST."""
     if not all(abs(value) <= FARTHEST for value in place):  # False for NaN
         raise InvalidMessage(f"position {place} is not within {FARTHEST:g} m of its frame's origin")
 
 
 def check_velocity(velocity: Twist2D) -> None:
-    """Refuse a velocity (m/s, rad/s) that is not finite or faster than any robot."""
+    """Refuse a velocity (m/s, rad/s) that is not finite or beyond FASTEST."""
     if not velocity.is_a_robots():
         raise InvalidMessage(f"velocity {tuple(velocity)} is not finite or above {FASTEST:g} m/s or rad/s")
 
 
 def why_old(age: float, came: float) -> str:
-    """Return what to add where something is refused as too old: nothing, or why it was so when it came.
+    """Return what to add to the error about a message that is too old: empty, or that it was old when it arrived.
 
     Args:
-        age: How long ago it was measured (s), by its stamp.
-        came: How long ago it came (s).
+        age: Age (s) by its stamp.
+        came: Time (s) since it arrived.
     """
     return f"; it was so when it came: {CLOCKS_DIFFER}, or the way between them is slow" if came < 0.5 * age else ""
 
 
 def check_time(stamp: float) -> None:
-    """Refuse a stamp (s) that no clock of ROS shows, and tf2 would not survive."""
+    """Refuse a stamp (s) that ROS time cannot have, or at which tf2 would abort the process."""
     if not 0.0 <= stamp < TF2_END:
         raise InvalidMessage(f"its stamp {stamp:.2f} s is no time a clock of ROS shows")
 
 
 def check_stamp(stamp: float, now: float, max_age: Optional[float] = None) -> None:
-    """Refuse what is not of this time.
+    """Refuse a stamp that is too far ahead of the clock, or too old.
 
     Args:
-        stamp: When it was measured (s); 0 stands for now, as in tf.
-        now: The clock (s).
-        max_age: Oldest age (s) that is still news; None where its user judges that.
+        stamp: Time (s) of the measurement; 0 stands for now, as in tf.
+        now: ROS time (s).
+        max_age: Largest age (s); None for no limit.
     """
     check_time(stamp)
     if stamp - now > AHEAD:
@@ -96,36 +97,36 @@ def check_stamp(stamp: float, now: float, max_age: Optional[float] = None) -> No
 
 
 def check_frames(*names: str) -> None:
-    """Refuse names that no frame can have: empty or endless ones, and those with a NUL, which tf2, being C, ends at."""
+    """Refuse frame names that are empty, too long, or have a NUL character, at which tf2's C strings end."""
     for name in names:
         if not name.strip("/") or "\0" in name or len(name) > LONGEST_FRAME:
             raise InvalidMessage(f"{shown(name)!r} names no frame")
 
 
 def check_frame_is(wanted: str, name: str) -> None:
-    """Refuse another frame than the one wanted, which an empty name stands for."""
+    """Refuse a frame other than `wanted`; an empty name stands for `wanted`."""
     if name.lstrip("/") not in ("", wanted):
         raise InvalidMessage(f"frame '{shown(name)}'; it must be '{wanted}'")
 
 
 def shown(name: str) -> str:
-    """Return a frame's name as a line of a log bears it."""
+    """Return a frame's name for a log line, shortened where it is too long."""
     return name if len(name) <= LONGEST_FRAME else f"{name[:40]}... ({len(name)} characters)"
 
 
 def quaternion_length(quaternion: Any) -> float:
-    """Return the length of a quaternion, 1 where it is a rotation; infinite or NaN where a component is."""
+    """Return the norm of a quaternion, 1 for a rotation; infinite or NaN where a component is."""
     return math.hypot(quaternion.x, quaternion.y, quaternion.z, quaternion.w)
 
 
 def check_scan(message: Any) -> None:
-    """Refuse a LaserScan without sense; what its readings are worth is judged by `scan_monitor`."""
+    """Refuse a LaserScan with invalid frame, angles or limits; `check_readings` and `scan_monitor` judge its ranges."""
     beams = len(message.ranges)
     if len(message.header.frame_id) > LONGEST_FRAME:
         raise InvalidMessage(f"{shown(message.header.frame_id)!r} names no frame")
     if not 0 < beams <= MOST_BEAMS:
         raise InvalidMessage(f"scan of {beams} beams; it must have 1 to {MOST_BEAMS}")
-    # far from 0 one float stands for the angles of many beams
+    # a huge angle_min leaves float32 angles no resolution between beams
     if not (abs(message.angle_min) <= MOST_ANGLE and abs(message.angle_increment) * beams <= 4.0 * math.pi):
         raise InvalidMessage(
             f"scan of {beams} beams from angle {message.angle_min} by {message.angle_increment} rad; "
@@ -142,11 +143,11 @@ def check_scan(message: Any) -> None:
 
 
 def check_readings(ranges: np.ndarray) -> None:
-    """Refuse readings (m), shape (B,), of which even the nearest is so far that they must be millimetres.
+    """Refuse ranges (m), shape (B,), that must be in millimetres, because even the nearest is beyond NEAREST_READING.
 
-    What stands in all beams alike is no reading but a driver's word for "nothing".
+    One value in all beams is taken for the driver's way to say "nothing seen".
     """
-    told = ranges[np.isfinite(ranges)]  # first: numpy 1.17 warns of every comparison with what is no number
+    told = ranges[np.isfinite(ranges)]  # first, because numpy 1.17 warns of comparisons with NaN
     told = told[told > 0.0]
     if len(told) and told.min() > NEAREST_READING and told.min() < told.max():
         raise InvalidMessage(
@@ -155,10 +156,10 @@ def check_readings(ranges: np.ndarray) -> None:
 
 
 def _check_directions(message: Any, beams: int) -> None:
-    """Refuse a scan whose beams do not look where it says they do: what they leave out would count as free.
+    """Refuse a scan whose number of beams and increment do not lead from angle_min to angle_max.
 
-    Fewer beams than said by less than a gap there may be are what a motor does that runs fast. An angle_max of 0 may
-    have been left alone by the driver.
+    What the beams do not cover would count as free. Missing beams up to LARGEST_GAP are accepted: a lidar whose motor
+    runs fast has fewer. An angle_max of 0 against the sense of the increment counts as not filled in.
     """
     step = message.angle_increment
     said = math.copysign(1.0, step) * (message.angle_max - message.angle_min)
@@ -171,7 +172,7 @@ def _check_directions(message: Any, beams: int) -> None:
 
 
 def check_cloud(message: Any) -> None:
-    """Refuse a PointCloud2 that is larger than what it holds, or larger than anybody needs."""
+    """Refuse a PointCloud2 that has too many points, or whose layout does not fit its data."""
     count, step = message.width * message.height, message.point_step
     if not 0 <= count <= MOST_POINTS:
         raise InvalidMessage(
@@ -192,8 +193,8 @@ def check_cloud(message: Any) -> None:
 def row_step(message: Any) -> int:
     """Return the bytes from one row of a PointCloud2 to the next.
 
-    No gap is told by a row_step left at 0, and none follows the only row of a cloud: there costmap_2d, which never
-    looks at it, sees with whatever the driver wrote.
+    Rows are taken as packed where row_step is 0, and where there is but one: costmap_2d never reads row_step, so that
+    drivers with any value there work with it.
     """
     packed: int = message.point_step * message.width
     return packed if message.height == 1 else message.row_step or packed
@@ -212,6 +213,6 @@ def check_map(info: Any, cells: int) -> None:
 
 
 def check_count(count: int, most: int, what: str) -> None:
-    """Refuse a list, named in the plural, that is longer than `most`."""
+    """Refuse a list that is longer than `most`; `what` names its elements, in the plural, for the error."""
     if count > most:
         raise InvalidMessage(f"{count} {what}; at most {most} are taken")

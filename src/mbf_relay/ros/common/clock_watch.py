@@ -1,4 +1,4 @@
-"""Does ROS time go on? Asked on the wall clock: what counts in a time that stands waits for ever."""
+"""Detects on the wall clock that ROS time stands still: a timeout in ROS time would never end then."""
 
 from __future__ import annotations
 
@@ -6,21 +6,20 @@ import math
 import time
 
 CLOCK_STANDS = 0.5
-"""Wall seconds without simulated time after which the wheels must not go on by what was sent before."""
+"""Wall seconds without a change of ROS time after which it counts as standing, and the robot must be stopped."""
 TICKS_LATE = 3.0
-"""Times as long as the last two ticks took to come, the quicker of them, as far as that is more: simulations far below
-real time tick slowly, and one tick after a pause is none that does."""
+"""Factor on the shorter of the last two intervals between changes of ROS time; the limit where it exceeds CLOCK_STANDS.
+A simulation far slower than real time ticks seldom. The shorter of two, so that one pause does not count."""
 
 
 class ClockWatch:
-    """Is shown ROS time, and tells whether it stands.
+    """Told ROS time by `note`, says whether it stands still.
 
-    It may be paused, whoever publishes /clock may hang, or nobody has ever published it; a wheel on the wall clock
-    knows nothing of either.
+    The simulation may be paused, the publisher of /clock may hang, or nobody has ever published it.
     """
 
     def __init__(self) -> None:
-        self._time = 0.0  # what ROS shows before there is any
+        self._time = 0.0  # ROS time before the first /clock
         self._ran_at, self._tick_period, self._took = time.monotonic(), 0.0, math.inf
 
     def note(self, now: float) -> None:
@@ -34,5 +33,5 @@ class ClockWatch:
 
     @property
     def stands(self) -> bool:
-        """Whether there is no time yet, or it is one and the same for much longer than it took from tick to tick."""
+        """Whether there is no ROS time yet, or it has not changed for much longer than its usual interval."""
         return self._time == 0.0 or time.monotonic() - self._ran_at > max(CLOCK_STANDS, TICKS_LATE * self._tick_period)

@@ -1,4 +1,4 @@
-"""Point clouds out of messages and into them, and transforms in space to move them by."""
+"""Conversions between PointCloud2 messages and arrays, and of transforms to a rotation matrix and a translation."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from mbf_relay.ros.common.checks import InvalidMessage
 from mbf_relay.ros.common.conversions import header
 
 FLOATS = {PointField.FLOAT32: "f4", PointField.FLOAT64: "f8"}
+"""NumPy's format of each type that a coordinate may have."""
 
 
 def rigid(message: TransformStamped) -> Tuple[np.ndarray, np.ndarray]:
@@ -28,12 +29,12 @@ def rigid(message: TransformStamped) -> Tuple[np.ndarray, np.ndarray]:
 
 
 def cloud_message(names: Sequence[str], points: np.ndarray, frame: str, stamp: Any) -> PointCloud2:
-    """Return an unordered cloud of float32 fields.
+    """Return an unorganized cloud (height 1) of float32 fields.
 
     Args:
-        names: Of the fields.
-        points: Shape (M, len(names)).
-        frame: In which they lie.
+        names: Names of the fields.
+        points: Their values, shape (M, len(names)).
+        frame: Frame of the points.
         stamp: In seconds or as rospy.Time.
     """
     fields = [PointField(name, 4 * index, PointField.FLOAT32, 1) for index, name in enumerate(names)]

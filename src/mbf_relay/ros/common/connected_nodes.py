@@ -1,4 +1,4 @@
-"""Which nodes publish to a subscriber, as its connections tell: no master is asked."""
+"""Which nodes publish to a subscriber, by its connections and without asking the master."""
 
 from __future__ import annotations
 
@@ -6,6 +6,6 @@ from typing import Any, Dict
 
 
 def connected_nodes(subscriber: Any) -> Dict[str, str]:
-    """Return the addresses of the nodes that publish to a rospy.Subscriber, by name, newest last."""
+    """Return the XML-RPC URIs of the nodes that publish to a rospy.Subscriber, by node name, newest connection last."""
     connections = subscriber.impl.connections if subscriber.impl else []
     return {link.callerid_pub: link.endpoint_id for link in connections if link.callerid_pub}

@@ -1,4 +1,4 @@
-"""Messages to the package's own types and back; each message is converted here, once, and checked on its way in."""
+"""Conversions between ROS messages and the package's own types; incoming messages are validated here."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from mbf_relay.scan import LaserScan
 
 
 def yaw_from_quaternion(quaternion: Quaternion) -> float:
-    """Return the yaw (rad) of a quaternion of any length above zero.
+    """Return the yaw (rad, -pi to pi) of a quaternion, which need not be normalized.
 
     Raises:
         InvalidMessage: A component is not finite, or all are zero.
@@ -45,7 +45,7 @@ def pose_from_message(pose: Pose) -> Pose2D:
     """Return a message's pose in the plane.
 
     Raises:
-        InvalidMessage: It holds NaN, infinity, a place out of reach or a quaternion of length zero.
+        InvalidMessage: A number is NaN or infinite, the position is beyond FARTHEST, or the quaternion is all zero.
     """
     checks.check_place(pose.position.x, pose.position.y)
     return Pose2D(pose.position.x, pose.position.y, yaw_from_quaternion(pose.orientation))
@@ -62,7 +62,7 @@ def pose_stamped(pose: Pose2D, frame: str, stamp: Any) -> PoseStamped:
 
 
 def dated(message: Any) -> Any:
-    """Return a sensor's message, which is of now where it has no stamp."""
+    """Return a message with a header, stamped with the current time where its stamp is zero."""
     if message.header.stamp.is_zero():
         message.header.stamp = rospy.get_rostime()
     return message
@@ -74,18 +74,19 @@ def header(frame: str, stamp: Any) -> Header:
 
 
 def take_transform(message: TransformStamped) -> None:
-    """Refuse a message whose numbers mean nothing, and give its rotation length 1; its stamp is judged elsewhere.
+    """Check a transform's frames and numbers, and normalize its quaternion in place; its stamp is not checked here.
 
-    tf2 takes what is nearly a rotation and hands it out as it came: as a matrix it stretches all that is seen.
+    tf2 accepts quaternions that are only nearly normalized and returns them as they are. Made into a matrix, such a
+    quaternion scales the points it is applied to.
 
     Raises:
-        InvalidMessage: A name is none of a frame, a number is not finite or too large, or the rotation is none.
+        InvalidMessage: A frame name is invalid, a number is not finite or too large, or the quaternion is no rotation.
     """
     checks.check_frames(message.header.frame_id, message.child_frame_id)
     moved, turned = message.transform.translation, message.transform.rotation
     checks.check_place(moved.x, moved.y, moved.z)
     length = checks.quaternion_length(turned)
-    if not abs(length * length - 1.0) <= 0.01:  # tf2's own limit; there the reason goes to a stream nobody reads
+    if not abs(length * length - 1.0) <= 0.01:  # tf2's own limit; tf2 prints its reason to stderr alone
         raise InvalidMessage(
             f"quaternion ({turned.x}, {turned.y}, {turned.z}, {turned.w}) has length {length:.3g}; a rotation's is 1")
     message.transform.rotation = Quaternion(
@@ -93,7 +94,7 @@ def take_transform(message: TransformStamped) -> None:
 
 
 def transform_from_message(transform: Transform) -> Pose2D:
-    """Return a transform as the pose in the plane it means."""
+    """Return the planar part of a transform: x, y (m) and yaw (rad)."""
     return Pose2D(transform.translation.x, transform.translation.y, yaw_from_quaternion(transform.rotation))
 
 
@@ -103,7 +104,7 @@ def transform_to_message(pose: Pose2D) -> Transform:
 
 
 def twist_from_message(twist: Twist) -> Twist2D:
-    """Return the planar part of a twist; raise InvalidMessage where it is not finite or beyond any robot."""
+    """Return the planar part of a twist (m/s, rad/s); raise InvalidMessage where it is not finite or beyond FASTEST."""
     velocity = Twist2D(twist.linear.x, twist.linear.y, twist.angular.z)
     checks.check_velocity(velocity)
     return velocity
@@ -115,10 +116,10 @@ def twist_to_message(velocity: Twist2D) -> Twist:
 
 
 def path_from_message(message: PathMessage) -> Path:
-    """Return a path; each pose is taken in the frame of the path's header.
+    """Return a path in the frame of its header; the frames of its poses are ignored.
 
-    A pose whose quaternion was left at zeros, as many clients and planners do, heads for the next one. The last, by
-    which the robot turns where it has arrived, must have a rotation.
+    Many clients and planners leave quaternions at zeros; such a pose is turned towards the next one. The last pose must
+    have a rotation, as the robot turns to it at the goal.
 
     Raises:
         InvalidMessage: There are too many poses, one is not finite, or the last has no rotation; the text says which.
@@ -135,7 +136,7 @@ def path_from_message(message: PathMessage) -> Path:
 
 
 def _pose_before(pose: Pose, after: Point) -> Pose2D:
-    """Return a message's pose on the way to a place; where it has no rotation, it heads there."""
+    """Return a pose of a path, turned towards the next position `after` where its quaternion is all zero."""
     turned = pose.orientation
     if any((turned.x, turned.y, turned.z, turned.w)):
         return pose_from_message(pose)
@@ -154,12 +155,13 @@ def map_from_message(message: OccupancyGrid) -> OccupancyMap:
     """Return an occupancy map.
 
     Raises:
-        InvalidMessage: It is empty, too large or too fine, or its size does not fit its data.
+        InvalidMessage: It is empty or too large, its resolution is out of range, its size does not fit its data, or its
+            origin is invalid.
     """
     info = message.info
     checks.check_map(info, len(message.data))
     data = np.array(message.data, dtype=np.int8).reshape(info.height, info.width)
-    # the message holds a float32; 0.05 shall be 0.05 again
+    # the message holds a float32: 0.05 arrives as 0.0500000007 and is rounded back to 0.05
     resolution = float(str(np.float32(info.resolution)))
     return OccupancyMap(data, resolution, pose_from_message(info.origin))
 
@@ -173,10 +175,10 @@ def map_to_message(occupancy: OccupancyMap, frame: str, stamp: Any) -> Occupancy
 
 
 def scan_from_message(message: LaserScanMessage) -> LaserScan:
-    """Return a laser scan.
+    """Return a laser scan, with range_max cut to LONGEST_RANGE.
 
     Raises:
-        InvalidMessage: It has no beams, or its angles or limits mean nothing.
+        InvalidMessage: It has no beams, its angles or limits are invalid, or its ranges must be in millimetres.
     """
     checks.check_scan(message)
     ranges = np.array(message.ranges, dtype=np.float64)

@@ -1,4 +1,4 @@
-"""What a node says of itself on /diagnostics, once a second."""
+"""A node's status on /diagnostics, once a second."""
 
 from __future__ import annotations
 
@@ -18,11 +18,15 @@ ERROR = DiagnosticStatus.ERROR
 STALE = DiagnosticStatus.STALE
 
 Report = Tuple[int, str, Mapping[str, object]]
-"""Level, one line for a person, and values by name."""
+"""Level, message (one line) and values by name, as in diagnostic_msgs/DiagnosticStatus."""
 
 
 class Diagnostics:
-    """Publishes the reports of a node's parts on the wall clock, so that it goes on when /clock stands still."""
+    """Publishes the reports of a node's parts, by the wall clock, so that it goes on while /clock stands still.
+
+    Args:
+        period: Wall seconds between two messages.
+    """
 
     def __init__(self, period: float = 1.0) -> None:
         self._reporters: Dict[str, Callable[[], Report]] = {}
@@ -35,7 +39,7 @@ class Diagnostics:
         self._thread.start()
 
     def add(self, name: str, reporter: Callable[[], Report]) -> None:
-        """Ask `reporter` for its report once a period; it must be quick and safe to call from another thread."""
+        """Call `reporter` once a period; it must be quick and safe to call from another thread."""
         self._reporters[name] = reporter
 
     def _loop(self) -> None:
@@ -48,7 +52,7 @@ class Diagnostics:
         for name, reporter in list(self._reporters.items()):
             try:
                 level, message, values = reporter()
-            except Exception as error:  # one part's mistake must silence neither the others nor itself
+            except Exception as error:  # reported as an error of this part; the others are still published
                 level, message, values = ERROR, f"cannot be told: {type(error).__name__}: {error}", {}
             told = {**values, "cpu [%]": f"{share:.1f}"}
             pairs = [KeyValue(as_told(key), as_told(value)) for key, value in told.items()]
@@ -65,7 +69,7 @@ class Diagnostics:
 
 
 class CpuShare:
-    """The share of one core this process used since it was asked last."""
+    """CPU usage of this process, in percent of one core, since the last call."""
 
     def __init__(self) -> None:
         self._wall, self._cpu = time.monotonic(), time.process_time()
@@ -79,16 +83,16 @@ class CpuShare:
 
 
 class RateMeter:
-    """Counts events and gives their rate on the clock handed in, over the last twenty.
+    """Measures the rate of events over the last twenty, by whatever clock the caller passes in.
 
     Args:
-        pause: Time (s) without an event after which it counts anew, for what happens only now and then.
+        pause: Time (s) without an event after which counting starts over, for events that come in bursts.
     """
 
     LATE = 0.8
-    """Share of the rate asked for below which something lags."""
+    """Fraction of the wanted rate below which `lags` is true."""
     ENOUGH = 10
-    """Events before lagging is spoken of."""
+    """Events that `lags` needs before it can be true."""
 
     def __init__(self, pause: float = math.inf) -> None:
         self._pause = pause
@@ -113,7 +117,7 @@ class RateMeter:
             return now - self._stamps[-1] if self._stamps else None
 
     def lags(self, asked: float) -> bool:
-        """Return whether the events come clearly slower than `asked` (1/s), by now for some time."""
+        """Return whether the rate of the last events is below LATE of `asked` (1/s); False before enough events."""
         with self._lock:
             return len(self._stamps) > self.ENOUGH and self._rate() < self.LATE * asked
 

@@ -1,10 +1,10 @@
-"""Signals that end a node, taken by a thread that does nothing else.
+"""Handling of the signals that end a node, in a thread of its own (sigwait).
 
-A signal handler runs in the middle of whatever the main thread does: of an import, which then ends in a traceback, or
-of a registration, whose locks rospy's shutdown waits for within the handler, for ever. So signals are blocked in every
-thread, and one waits for them. It ends the node as it would end by itself, while all others finish what they are at;
-and where somebody never finishes, as with a master that hangs, it ends the process without. Nothing here imports ROS: a
-node can be ended while it still imports.
+A signal handler interrupts whatever the main thread does. In an import it causes a traceback. In a registration with
+the master it deadlocks: the thread holds locks that rospy's shutdown, called in the handler, waits for. So the signals
+are blocked in every thread, and one thread waits for them and shuts the node down while the others finish their work.
+If the shutdown takes longer than PATIENCE, as where the master hangs, the process exits without it. This module imports
+nothing of ROS, so that a node can be ended while it still imports.
 """
 
 from __future__ import annotations
@@ -20,14 +20,14 @@ from typing import Callable, Optional, Set
 from mbf_relay.memory import hold_little
 
 PATIENCE = 2.5
-"""Wall seconds a node gets for its last words and its goodbye to the master."""
+"""Wall seconds for a node's shutdown: what it still publishes, and unregistering from the master."""
 
 
 def open_standard_streams() -> None:
-    """Lead what was closed by whoever started this process nowhere; before anything else is opened.
+    """Open /dev/null in place of each of stdin, stdout and stderr that is closed; before any other file is opened.
 
-    Python has None in its place, on which each line of the log fails, and the next file or connection would be taken
-    for the terminal by whatever writes there.
+    For a closed one Python has None, so that each log line raises an error. Also, the next file or socket would get its
+    file descriptor, and what is printed would be written there.
     """
     for number, (name, mode) in enumerate((("stdin", "r"), ("stdout", "w"), ("stderr", "w"))):
         if getattr(sys, name) is None:
@@ -39,9 +39,9 @@ def open_standard_streams() -> None:
 
 
 def ending_signals() -> Set[signal.Signals]:
-    """Return which signals end a process: a hang-up not under nohup, an interrupt in the background of a script, too.
+    """Return the signals that end this process: SIGINT, SIGTERM and, unless it was started with nohup, SIGHUP.
 
-    A shell has that ignored, so that a Ctrl-C does not reach it; but it is what roslaunch ends a node with.
+    SIGINT also where it is ignored, as in what a script starts with `&`: roslaunch ends its nodes with it.
     """
     numbers = {signal.SIGINT, signal.SIGTERM}
     if signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN:
@@ -50,13 +50,13 @@ def ending_signals() -> Set[signal.Signals]:
 
 
 class NodeEnding:
-    """The end of this process; make it first of all, in the main thread.
+    """Ends this process on a signal, or by `leave`; to be created before anything else, in the main thread.
 
     Args:
         interrupted: Exit status where a signal ends it.
 
     Attributes:
-        begun: Whether a signal has come.
+        begun: Whether a signal has been received.
     """
 
     def __init__(self, interrupted: int = 0) -> None:
@@ -68,26 +68,26 @@ class NodeEnding:
         self._shut_down: Optional[Callable[[str], None]] = None
         self._done = threading.Event()
         self.begun = False
-        hold_little()  # before the first thread, whose arena would stay; what this imports no signal can interrupt
+        hold_little()  # limits malloc's arenas, hence before the first thread; signals are blocked while it imports
         waiting = threading.Thread(target=self._wait, name="ending", daemon=True)
         waiting.start()
-        for number in numbers:  # may reach a thread that a library started before: it passes them on
+        for number in numbers:  # a thread that a library started before does not block them: it passes them on
             signal.signal(number, lambda number, _frame: signal.pthread_kill(waiting.ident or 0, number))
 
     def use(self, shut_down: Callable[[str], None]) -> None:
-        """Have `shut_down` called with a reason when a signal comes; until now the process just ended."""
+        """Call `shut_down` with a reason when a signal comes; before this call a signal ends the process at once."""
         with self._lock:
             self._shut_down = shut_down
 
     def leave(self, status: int) -> None:
-        """End the process, after a shutdown that has begun is done, and libraries have cleaned up.
+        """End the process with an exit status, after a shutdown that a signal has begun, and Python's atexit functions.
 
-        What else Python does at its end is left out: threads of C++ libraries still run then, and crash now and then.
+        The rest of Python's finalization is skipped: threads of C++ libraries, which still run, sometimes crash in it.
         """
         if self.begun:
             self._done.wait(PATIENCE)
         threading.Thread(target=self._end_anyway, args=(status,), name="late leave", daemon=True).start()
-        atexit._run_exitfuncs()  # folders in /tmp, above all: rosbag makes one for each bag it reads
+        atexit._run_exitfuncs()  # they remove folders in /tmp, such as rosbag makes for each bag it reads
         for stream in (sys.stdout, sys.stderr):
             try:
                 stream.flush()
@@ -112,9 +112,10 @@ class NodeEnding:
 
 
 def interrupt_at_death_of(parent: int) -> Callable[[], None]:
-    """Return what a child does first: ask for a SIGINT when its parent dies, however it dies (Linux: prctl(2)).
+    """Return a function for a child process to call first: the kernel then sends it SIGINT when its parent dies.
 
-    A shell has what a script starts with `&` ignore SIGINT, and all that this starts: the child does not.
+    Linux: prctl(2), PR_SET_PDEATHSIG. An ignored SIGINT, inherited from a script's `&`, is no longer ignored. Where the
+    parent, given by its process id, is dead already, the child exits with status 1.
     """
     import ctypes
 
@@ -132,9 +133,9 @@ def interrupt_at_death_of(parent: int) -> Callable[[], None]:
 
 
 def become_another_program(parent: int) -> Callable[[], None]:
-    """Return what a node's child does before it becomes another program: hear signals, and end with its parent.
+    """Return a function for a node's child to call before exec (preexec_fn): unblock signals, end with its parent.
 
-    What is blocked in a node's threads is blocked in what they start, which could then be asked to end in vain.
+    A child inherits the node's blocked signals, and could not be ended by them.
     """
     ask = interrupt_at_death_of(parent)
 
@@ -146,7 +147,7 @@ def become_another_program(parent: int) -> Callable[[], None]:
 
 
 def adopt_orphans() -> None:
-    """Become the parent of descendants whose own parent ends, so that they stay in sight (Linux: prctl(2))."""
+    """Become the parent of descendants whose own parent ends (Linux: prctl(2), PR_SET_CHILD_SUBREAPER)."""
     import ctypes
 
     set_child_subreaper = 36

@@ -1,4 +1,4 @@
-"""Which frame hangs on which, and who says so: tf2 believes whoever spoke last, and keeps it for good."""
+"""The tree of tf frames, and which node publishes each: tf2 itself takes whatever was published last."""
 
 from __future__ import annotations
 
@@ -9,11 +9,12 @@ from mbf_relay.senders import AT_ONCE
 
 
 class ContestedFrame(InvalidMessage):
-    """Somebody else says already where a frame is."""
+    """Another node publishes the transform of this frame already."""
 
 
 class Relation:
-    """What is known of a frame: what it hangs on, whether for good (by /tf_static), who says so, and since when (s)."""
+    """A frame's parent, the node that publishes it, whether on /tf_static, and when it was last received (ROS time, s).
+    """
 
     __slots__ = ("heard_at", "is_fixed", "parent", "sender")
 
@@ -22,15 +23,15 @@ class Relation:
 
 
 class FrameTree:
-    """The frames of a tf buffer, without a loop, each of which one node tells of.
+    """The frames of a tf buffer: a tree without loops, in which one node publishes each frame.
 
-    Who told of a frame first goes on to, as long as it is there: connected, and on /tf heard from within two seconds.
-    What others say of that frame meanwhile is refused, be it another parent or another place. One message by which
-    'base_scan' hung on 'map' left the nodes without a lidar until they were started again; with two broadcasters of
-    one transform, poses jumped between what they said.
+    The first node that publishes a frame keeps it while it is alive: connected, and on /tf heard within the last two
+    seconds. Transforms of that frame by other nodes are refused meanwhile. Without this, one message with 'map' as
+    parent of 'base_scan' left nodes without a lidar until they were restarted, and with two broadcasters of one
+    transform, poses jumped between the two.
 
     Args:
-        is_there: Tells whether a node of that name is connected to /tf_static (where True) or /tf.
+        is_there: Called with a node's name and whether /tf_static is meant, else /tf; returns whether it is connected.
     """
 
     def __init__(self, is_there: Callable[[str, bool], bool]) -> None:
@@ -38,17 +39,20 @@ class FrameTree:
         self._relations: Dict[str, Relation] = {}  # by child
 
     def add(self, parent: str, child: str, sender: str, now: float, is_fixed: bool = False) -> List[str]:
-        """Hang a frame on another; return the frames of which tf2 must forget what it knew to follow.
+        """Add a transform's frames, or note that they are still published.
 
         Args:
-            parent, child: Their names, with or without a leading slash.
-            sender: Who says so.
-            now: When it came (s).
-            is_fixed: Whether it never moves there.
+            parent, child: Names of the frames, with or without a leading slash.
+            sender: Name of the node that publishes the transform.
+            now: ROS time (s) at which it was received.
+            is_fixed: Whether it came on /tf_static.
+
+        Returns:
+            The frames that the tf2 buffer has to forget before it can take this transform; mostly none.
 
         Raises:
-            ContestedFrame: Somebody else tells of this frame.
-            InvalidMessage: The frame would hang on itself.
+            ContestedFrame: Another node that is alive publishes this frame.
+            InvalidMessage: The tree would get a loop.
         """
         parent, child = parent.lstrip("/"), child.lstrip("/")
         held = self._relations.get(child)
@@ -61,11 +65,14 @@ class FrameTree:
             return []
         bygone = self._break_loop(parent, child, now)
         self._relations[child] = Relation(parent, sender, is_fixed, now)
-        turned = held is not None and held.is_fixed != is_fixed  # tf2 never turns one kind into the other
+        turned = held is not None and held.is_fixed != is_fixed  # tf2 never makes a static frame of a moving one
         return [*bygone, child] if bygone or turned else []
 
     def _break_loop(self, parent: str, child: str, now: float) -> List[str]:
-        """Forget what is said by nobody any more where a relation would close a loop with it; return of which frames.
+        """Remove relations of dead publishers that would form a loop with the new one; return their child frames.
+
+        Raises:
+            InvalidMessage: All relations of the loop are of nodes that are alive.
         """
         above: List[str] = []
         frame = parent
@@ -86,7 +93,7 @@ class FrameTree:
         return heard and self._is_there(relation.sender, relation.is_fixed)
 
     def line(self, frame: str) -> Dict[str, Relation]:
-        """Return what is known of a frame and of all that it hangs on, by name, itself first."""
+        """Return the relations from a frame up to the root of its tree, by child frame, the frame itself first."""
         line: Dict[str, Relation] = {}
         frame = frame.lstrip("/")
         while frame in self._relations:
@@ -95,9 +102,10 @@ class FrameTree:
         return line
 
     def above(self, base: str, frame: str) -> Dict[str, bool]:
-        """Return the frames one climbs to from `base` on the way to `frame`, each with whether what it holds is fixed.
+        """Return the ancestors of `base` up to the nearest one that it shares with `frame`.
 
-        None where `frame` hangs on `base`, or on nothing that `base` does.
+        By name, each with whether the transform to it, from the frame below it, is static. Empty where `frame` is below
+        `base`, or in another tree.
         """
         base, frame = base.lstrip("/"), frame.lstrip("/")
         shared = {frame, *(relation.parent for relation in self.line(frame).values())}

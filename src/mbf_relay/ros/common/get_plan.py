@@ -1,4 +1,4 @@
-"""nav_msgs/GetPlan as move_base's callers use it: what they leave out, and what they expect at a plan's end."""
+"""nav_msgs/GetPlan as move_base's callers use it: quaternions of zeros, and a plan that ends at the goal."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from geometry_msgs.msg import PoseStamped, Quaternion
 def turned(pose: PoseStamped) -> PoseStamped:
     """Return the pose, with the identity in place of an all-zero quaternion.
 
-    Planners of move_base ignore orientations, so that callers leave them zero.
+    move_base's planners ignore orientations, so callers leave them at zeros.
     """
     q = pose.pose.orientation
     if q.x or q.y or q.z or q.w:
@@ -21,7 +21,7 @@ def turned(pose: PoseStamped) -> PoseStamped:
 
 
 def append_goal(plan: Any, goal: PoseStamped) -> None:
-    """End a plan that stops short of the goal, within the tolerance asked for, with the goal itself."""
+    """Append the goal to a nav_msgs/Path that ends within the tolerance but not at the goal, as move_base does."""
     if not plan.poses or plan.poses[-1].header.frame_id not in ("", goal.header.frame_id):
         return
     last, wanted = plan.poses[-1].pose.position, goal.pose.position

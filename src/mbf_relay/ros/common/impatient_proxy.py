@@ -1,5 +1,4 @@
-"""XML-RPC as ROS's master and nodes speak it, with a limit to the wait for who accepts a connection and never answers.
-"""
+"""XML-RPC proxies for ROS masters and nodes, with a timeout: a peer may accept the connection and never answer."""
 
 from __future__ import annotations
 
@@ -9,7 +8,7 @@ import xmlrpc.client  # nosec B411: what the ROS master speaks
 from typing import Any
 
 NO_ANSWER = (OSError, http.client.HTTPException, xmlrpc.client.Error, xml.parsers.expat.ExpatError, ValueError)
-"""What a call raises where nobody answers, or in words of another kind; ValueError where an address is none."""
+"""What a call raises where there is no answer or no valid one; ValueError is for an invalid address."""
 
 
 def impatient_proxy(address: str, timeout: float) -> xmlrpc.client.ServerProxy:

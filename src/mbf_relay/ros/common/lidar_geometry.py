@@ -1,4 +1,4 @@
-"""Where each lidar sits on the robot, which way up, and its scans as the base sees them."""
+"""The mounting of a lidar on the robot: its pose in the base frame, upside down or tilted, and its scans by that."""
 
 from __future__ import annotations
 
@@ -20,13 +20,19 @@ from mbf_relay.ros.common.transforms import Transforms
 from mbf_relay.scan import LaserScan
 
 LEAST_LEVEL = 0.5
-"""Cosine of the tilt beyond which a lidar stands on edge: its beams meet floor and ceiling, few walls."""
+"""Cosine of the largest tilt of a lidar (60 degrees): beyond, most beams meet floor and ceiling."""
 LEVEL = 0.9994
-"""Cosine of the tilt up to which a lidar looks level: 2 degrees, which are not a millimetre in a metre."""
+"""Cosine of the tilt (2 degrees) up to which ranges are not corrected: that is less than a millimetre in a metre."""
 
 
 class MountedScan(NamedTuple):
-    """A scan as seen from above, where its lidar sits in the base's frame, and whether /tf_static alone says so."""
+    """A scan with its lidar's pose.
+
+    Attributes:
+        scan: The scan, with angles counter-clockwise seen from above, about the pose's direction.
+        laser_in_base: The lidar's pose in the base frame.
+        is_fixed: Whether that is known by /tf_static alone, so that it never changes.
+    """
 
     scan: LaserScan
     laser_in_base: Pose2D
@@ -36,19 +42,19 @@ class MountedScan(NamedTuple):
 def scan_in_base(
     message: LaserScanMessage, base_frame: str, transforms: Transforms, max_age: Optional[float] = None
 ) -> MountedScan:
-    """Return a scan with where its lidar sat when it was taken, or sits now where that is not told yet.
+    """Return a scan with the pose of its lidar at its time; the newest pose where tf does not know that time yet.
 
-    Upstream amcl asks once and keeps to it, whatever tf says later. A lidar may hang upside down.
+    Upstream amcl looks the pose up once and keeps it, whatever tf says later. The lidar may be mounted upside down.
 
     Args:
         message: The scan.
-        base_frame: The robot's.
-        transforms: Where the lidar is looked up.
-        max_age: Age (s) beyond which what /tf says of a lidar that moves is refused; no limit where None.
+        base_frame: The robot's base frame.
+        transforms: The tf buffer.
+        max_age: Largest age (s) of the newest transform of a lidar that moves on the robot; no limit where None.
 
     Raises:
-        InvalidMessage: The scan holds nothing usable, or its lidar stands on edge.
-        TransformError: The sensor's frame is not connected to the base's.
+        InvalidMessage: The scan is invalid, or its lidar is tilted too far.
+        TransformError: There is no transform from the sensor's frame to the base frame, or it is too old.
     """
     scan = scan_from_message(message)
     placed, is_fixed = placed_when(scan.stamp, scan.frame, base_frame, transforms, max_age)
@@ -66,7 +72,7 @@ def scan_in_base(
 def placed_when(
     stamp: float, frame: str, base_frame: str, transforms: Transforms, max_age: Optional[float] = None
 ) -> Tuple[TransformStamped, bool]:
-    """Return where a sensor sat at a time (s), or sits now where that is not told yet, and whether for good.
+    """Return a sensor's transform to the base frame at `stamp` (s), else the newest, and whether it is static.
 
     Arguments and errors are those of `scan_in_base`.
     """
@@ -79,16 +85,16 @@ def placed_when(
 
 
 def mounting_of(transform: Transform) -> Tuple[Pose2D, bool]:
-    """Return where a lidar sits on the robot, and whether it hangs upside down, from its transform to the base."""
+    """Return a lidar's pose in the base frame, and whether it is upside down, from its transform to the base."""
     q, p = transform.rotation, transform.translation
-    # Of the rotation matrix: where the sensor's x axis points seen from above.
+    # First column of the rotation matrix: the sensor's x axis, seen from above.
     forward_x = 1.0 - 2.0 * (q.y * q.y + q.z * q.z)
     forward_y = 2.0 * (q.x * q.y + q.w * q.z)
     return Pose2D(p.x, p.y, math.atan2(forward_y, forward_x)), _upright(transform) < 0.0
 
 
 def _seen_along_the_floor(scan: LaserScan, placed: TransformStamped) -> LaserScan:
-    """Return what a tilted lidar hit as far away as it is on the floor, which is less than along the beam."""
+    """Return a tilted lidar's scan with ranges projected onto the floor, which are shorter than along the beam."""
     beams = np.stack((np.cos(scan.angles), np.sin(scan.angles)))
     shares = np.hypot(*(rigid(placed)[0][:2, :2] @ beams))
     return replace(
@@ -97,13 +103,13 @@ def _seen_along_the_floor(scan: LaserScan, placed: TransformStamped) -> LaserSca
 
 
 def _upright(transform: Transform) -> float:
-    """Return by how much a sensor's z axis points up, -1 to 1."""
+    """Return the cosine of the angle between a sensor's z axis and the vertical, -1 to 1."""
     x, y = float(transform.rotation.x), float(transform.rotation.y)
     return max(-1.0, min(1.0, 1.0 - 2.0 * (x * x + y * y)))
 
 
 def seen_from_above(scan: LaserScan, upside_down: bool) -> LaserScan:
-    """Return a scan with its angles counter-clockwise as the base sees them."""
+    """Return a scan with its angles counter-clockwise seen from above: mirrored where its lidar is upside down."""
     if not upside_down:
         return scan
     return replace(scan, angle_min=-scan.angle_min, angle_increment=-scan.angle_increment)

@@ -1,4 +1,4 @@
-"""The timing of each lidar of a node, with the poses of its frame by tf."""
+"""Time offset and beam order of each lidar of a node (see ScanTiming), estimated with poses from tf."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from mbf_relay.scan_timing import ScanTiming
 
 
 class LidarTimings:
-    """Sets scans right by when their beams were taken, as it learns it of each lidar; see ScanTiming.
+    """Corrects scans for the times at which their beams were measured, estimated for each lidar; see ScanTiming.
 
     Any thread may use it; two costmaps share one.
 
     Args:
-        transforms: Where frames are looked up.
-        frames: Gives the robot's frame, and one in which it moves without jumps.
+        transforms: The tf buffer.
+        frames: Returns the robot's base frame, and a frame in which it moves without jumps (odom).
     """
 
     def __init__(self, transforms: Transforms, frames: Callable[[], Tuple[str, str]]) -> None:
@@ -29,9 +29,11 @@ class LidarTimings:
         self._lock = threading.Lock()  # guards all timings
 
     def corrected(self, scan: LaserScan, laser_in_base: Optional[Pose2D] = None) -> LaserScan:
-        """Learn from a scan, seen from above, and return it set right, dated by odometry's time.
+        """Update the estimate with a scan and return the scan corrected, with its stamp on odometry's time.
 
-        `laser_in_base` is for what was made to look along the base's axes; a lidar's own frame may turn on the robot.
+        Args:
+            scan: With angles counter-clockwise seen from above.
+            laser_in_base: The pose its angles refer to, where that is not the lidar's frame by tf, in the base frame.
         """
         base_frame, odom_frame = self._frames()
 
@@ -41,7 +43,7 @@ class LidarTimings:
             return self._transforms.lookup(odom_frame, base_frame, time).compose(laser_in_base)
 
         def pose_known(time: float) -> Pose2D:
-            """Return what `pose_at` does, also where tf tells of a moving lidar later than of the robot."""
+            """Return what `pose_at` does; uses the newest pose of a lidar that moves on the robot, if tf lags there."""
             if laser_in_base is not None:
                 return pose_at(time)
             placed, _ = placed_when(time, scan.frame, base_frame, self._transforms)
@@ -54,7 +56,7 @@ class LidarTimings:
             return corrected
 
     def taken_at(self, frame: str, stamp: float) -> float:
-        """Return when, by odometry's time, a lidar took what it dates so (s)."""
+        """Return the time (s), by odometry's stamps, at which the lidar of `frame` measured what it stamps so (s)."""
         timing = self._timings.get(frame)
         return stamp - (timing.late or 0.0) if timing else stamp
 

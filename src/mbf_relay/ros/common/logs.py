@@ -1,4 +1,4 @@
-"""A node's log lines: they wait for nobody, and go where they still can where the disk is full or not to be written."""
+"""Logging of a node: writing a line never blocks, and a full or read-only disk costs the log file alone."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ from typing import Deque
 TOPICS_IN_LOGS_DISABLED = "/rosout_disable_topics_generation"
 """rospy's parameter: whether log messages leave out the topics of the node."""
 CONTINUED = "\n  | "
-"""Between the lines of one message."""
+"""Separator of the lines of one message, so that none of them looks like a message of its own."""
 MOST_WAITING = 1000
-"""Lines that may wait for a terminal or a disk that takes none."""
+"""Lines that are kept while a terminal or disk blocks."""
 LAST_WORDS = 0.5
-"""Wall seconds that each gets for what waits when the node ends."""
+"""Wall seconds that each handler gets to write its remaining lines when the node ends."""
 
 
 def plain(text: str) -> str:
-    """Return a text in which nothing can pass for a line of its own, nor steer a terminal.
+    """Return a text without control characters, in which no line can be mistaken for a log line of its own.
 
-    Names of frames, goals and plugins are anybody's. What cannot be printed is written as Python writes it; what
-    comes after a line feed, as in a traceback, stays a line, but one that nothing else begins like.
+    Names of frames, goals and plugins come from outside. Unprintable characters are escaped as Python does; lines after
+    the first, as of a traceback, begin with a mark.
     """
     if text.isprintable():
         return text
@@ -33,19 +33,19 @@ def plain(text: str) -> str:
 
 
 class PlainRecord(logging.LogRecord):
-    """A line of the log that tells the words of strangers in plain text, wherever it goes."""
+    """A log record whose text has no control characters; see `plain`."""
 
     _text: str
 
     def getMessage(self) -> str:
-        """Return the line, as it was when it was first asked for: what it tells of may change before it is written."""
+        """Return the text as formatted at the first call: its arguments may change before it is written."""
         if "_text" not in self.__dict__:
             self._text = plain(super().getMessage())
         return self._text
 
 
 def complain_once() -> None:
-    """Have a log that cannot be written told in one sentence, not in a traceback for each line; before init_node."""
+    """Report a log that cannot be written by one line, not by a traceback for each record; before init_node."""
     told = False
 
     def tell(_handler: logging.Handler, _record: logging.LogRecord) -> None:
@@ -61,14 +61,14 @@ def _print(text: str) -> None:
     try:
         print(f"[WARN] {text}", file=sys.stderr, flush=True)
     except OSError:
-        pass  # where it goes is full, too
+        pass  # stderr cannot be written either
 
 
 def log_without_master() -> None:
-    """Have log lines ask the master nothing: a robot would stand, and goals wait, as long as it hangs; after init_node.
+    """Stop log lines from asking the master, which may hang and would block whoever logs; after init_node.
 
-    For each line rospy looks for a parameter that hardly anybody sets, and keeps only what is set. It is read once,
-    here.
+    For each line rospy asks for TOPICS_IN_LOGS_DISABLED, and caches the answer only where the parameter is set. It is
+    read once, here.
     """
     import rospy
     from rospy.impl import paramserver
@@ -78,10 +78,10 @@ def log_without_master() -> None:
 
 
 def log_without_waiting() -> None:
-    """Have log lines in the file and on the terminal, wherever these lead, and nobody wait for them; after init_node.
+    """Write log lines to file and terminal in threads of their own; after init_node.
 
-    Where rospy found no folder to write in it has set up nothing. Where the terminal is closed, or a file on a full
-    disk, its handler would raise an error in the middle of what the node does.
+    Where rospy found no writable folder for its log it has set up no terminal handler either; one is added. Where the
+    terminal is closed, or the disk is full, rospy's handler would raise its error in whichever thread logs.
     """
     from rosgraph.roslogging import RosStreamHandler
 
@@ -96,14 +96,14 @@ def log_without_waiting() -> None:
 
 
 class Scribe(logging.Handler):
-    """Has another handler write its lines in a thread of their own.
+    """A logging handler that passes records to another one in a thread of its own.
 
-    A terminal may take nothing for as long as it likes: Ctrl-S, a pager at the other end of a pipe, an ssh whose cable
-    was pulled; a file neither, on a disk of another machine. Whoever logs a line would stop right there, with a lock
-    that whoever logs the next one waits for, be it the watchdog, and the robot would drive on by the last velocity.
+    Writing to a terminal may block for any time (Ctrl-S, a pager at the end of a pipe, an ssh connection that is cut),
+    and so may a file on a network disk. The thread that logs would block there with logging's lock held, then every
+    other that logs, the watchdog among them, and the robot would go on at its last velocity.
 
     Args:
-        handler: Who writes; its errors are handled as anywhere.
+        handler: The handler that writes.
     """
 
     def __init__(self, handler: logging.Handler) -> None:
@@ -115,7 +115,7 @@ class Scribe(logging.Handler):
         atexit.register(self.finish)
 
     def emit(self, record: logging.LogRecord) -> None:
-        """Have a line written, soon; of more than MOST_WAITING the oldest are left out."""
+        """Queue a record; where MOST_WAITING wait already, the oldest is dropped."""
         record.getMessage()
         with self._condition:
             if len(self._waiting) == MOST_WAITING:
@@ -128,7 +128,7 @@ class Scribe(logging.Handler):
                 threading.Thread(target=self._loop, name="log", daemon=True).start()
 
     def finish(self) -> None:
-        """Wait for what waits to be written, but not for ever."""
+        """Wait until all records are written, for LAST_WORDS at most."""
         with self._condition:
             self._condition.wait_for(lambda: not (self._waiting or self._writing), LAST_WORDS)
 

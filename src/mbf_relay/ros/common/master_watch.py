@@ -1,6 +1,7 @@
-"""Noticing a new master, or that time is simulated since: rospy looks for neither again.
+"""Notices a restarted master, and use_sim_time set after the node's start; rospy checks for neither.
 
-A node would be there and never be found, or find all that it hears older than itself by as much as 1970 is.
+A restarted master does not know the node, so that nobody can connect to it. A node that started by the wall clock finds
+every simulated stamp decades old.
 """
 
 from __future__ import annotations
@@ -16,30 +17,31 @@ from rospy import rostime
 from mbf_relay.ros.common.impatient_proxy import NO_ANSWER, impatient_proxy
 
 PERIOD = 2.0
-"""Wall seconds between two looks."""
+"""Wall seconds between two checks."""
 TIMEOUT = 2.0
 """Wall seconds a master may take to answer."""
 TRIES = 20
-"""Times a master is asked before its fault is none of the moment: while a launch starts, one answer of many is one."""
+"""Calls after which an XML-RPC fault is raised. rosmaster answers a call with a fault now and then while others set
+parameters, as during a launch; the next call mostly succeeds."""
 GIVEN_BACK_WITHIN = 3.0 * PERIOD
-"""Wall seconds after a new master's start in which those that live give it the parameters of those that died."""
+"""Wall seconds after a new master's start within which the surviving nodes restore the parameters it had before."""
 RUN_ID = "run_id"
-"""Parameter that tells roslaunch's runs apart."""
+"""roslaunch's parameter with the id of its run."""
 SHARED = ("use_sim_time", "robot_description")
-"""Parameters beside the node's own that it needs when it starts again."""
+"""Parameters that a node needs when it starts again, beside its own."""
 
 
 class MasterWatch:
-    """Asks the master now and then whether it knows this node.
+    """Asks the master every PERIOD whether it knows this node, and ends the process where it does not.
 
-    A master that does not answer changes nothing: what is connected stays connected. One that answers and does not know
-    the node is another one. It gets the parameters back that this node had, where it has none. A node that died
-    before can give nothing back, and would start again with defaults, a larger robot's limits among them: what it had
-    is given back by those that saw it when they started, after all that live had time for their own. Then
-    `on_stranger` is told; so it is where `other_time` has something to say.
+    A master that does not answer changes nothing: open connections go on. One that answers but does not know the node
+    was restarted. This node then restores its own parameters there, as far as they are missing. One PERIOD later, when
+    all surviving nodes had time for theirs, it also restores the others that it saw at its start: those of nodes that
+    died with the old master, which would start again with defaults, such as another robot's limits. Last, `on_stranger`
+    is called, as it is where `other_time` gives a reason.
 
     Args:
-        on_stranger: Called with a sentence, in a thread of its own, once; it ends the process.
+        on_stranger: Called once, in the watch's thread, with the reason; it ends the process.
     """
 
     def __init__(self, on_stranger: Callable[[str], None]) -> None:
@@ -49,7 +51,8 @@ class MasterWatch:
         self._stop = threading.Event()
         rospy.on_shutdown(self._stop.set)
         master = xmlrpc.client.ServerProxy(self._uri)
-        self._seen: Dict[str, Any] = self._ask(master.getParam, "/")[1]  # rospy's own answer has what is in its cache
+        # all parameters at the start; asked of the master, since rospy.get_param mixes in its cache
+        self._seen: Dict[str, Any] = self._ask(master.getParam, "/")[1]
         self._pid = int(self._ask(master.getPid)[1])
         threading.Thread(target=self._loop, name="master watch", daemon=True).start()
 
@@ -70,9 +73,9 @@ class MasterWatch:
                 return
 
     def other_time(self) -> str:
-        """Return why a node that began by the wall clock has to start again in simulated time; empty where it need not.
+        """Return why a node that started by the wall clock must restart in simulated time; empty where it need not.
 
-        The parameter alone is no reason, as it may have been set by mistake, and so that nobody makes the time.
+        The parameter alone is no reason, as it may have been set by mistake: somebody must publish /clock, too.
         """
         if not self._by_wall_clock:
             return ""
@@ -89,7 +92,7 @@ class MasterWatch:
     def _is_known(self) -> bool:
         master = impatient_proxy(self._uri, TIMEOUT)
         pid = int(self._ask(master.getPid)[1])
-        # A registration that was under way may have reached the new master, and it alone.
+        # Known is not enough: a registration under way may have reached the new master after the restart.
         if pid == self._pid and self._ask(master.lookupNode, self._name)[0]:
             return True
         own = {name: self._seen[name] for name in SHARED if name in self._seen}
@@ -98,11 +101,11 @@ class MasterWatch:
             rest = dict(self._seen)
             run_id = {RUN_ID: rest.pop(RUN_ID)} if RUN_ID in rest else {}
             self._give_back(rest)
-            self._give_back(run_id)  # last: who starts meanwhile goes by it
+            self._give_back(run_id)  # last: nodes that start meanwhile wait for it
         return False
 
     def _give_back(self, seen: Dict[str, Any]) -> None:
-        """Set what of a tree of parameters the master has not; a group of which it has nothing, at once."""
+        """Set those of a tree of parameters that the master lacks; a group that it lacks as a whole, in one call."""
         master = impatient_proxy(self._uri, TIMEOUT)
 
         def complete(seen: Dict[str, Any], there: Any, path: str) -> None:
@@ -115,9 +118,9 @@ class MasterWatch:
         complete(seen, self._ask(master.getParam, "/")[1], "/")
 
     def _ask(self, call: Callable[..., Any], *arguments: Any) -> Tuple[bool, Any]:
-        """Return whether the master could say, and what it said.
+        """Call the master; return whether the call succeeded, and its value.
 
-        Where somebody sets a parameter while rosmaster writes its answer, that answer is a fault: it is asked again.
+        rosmaster answers with a fault where a parameter is set while it writes its answer; see TRIES.
         """
         for left in reversed(range(TRIES)):
             try:
@@ -130,7 +133,7 @@ class MasterWatch:
 
 
 def part_of(tree: Dict[str, Any], name: str) -> Dict[str, Any]:
-    """Return what of a tree of parameters lies below a node's name, as a tree from the root on; {} where nothing."""
+    """Return the part of a tree of parameters below a node's name, as a tree from the root on; {} where it has none."""
     group, *rest = name.strip("/").split("/", 1)
     if group not in tree:
         return {}

@@ -1,4 +1,4 @@
-"""Messages of sensors wait here until the transform of their time is known."""
+"""A queue in which sensor messages wait until tf knows their time, like tf2_ros::MessageFilter."""
 
 from __future__ import annotations
 
@@ -17,10 +17,14 @@ _ONE_SECOND = rospy.Duration(1.0)
 
 
 class MessageQueue:
-    """Messages with a header, or what was made of them, in the order of their coming; given out once they are ready.
+    """Messages with a header, or what was made of them, in the order of their arrival, given out once they are ready.
 
-    Callbacks put, one worker takes. Of several of one frame that are ready together only the newest is given: they are
-    taken by odometry, and one its user is late for would only make it later.
+    Callbacks put, one worker takes. Of several of one frame that are ready together only the newest is given, so that a
+    slow worker does not fall behind.
+
+    Args:
+        length: Messages it holds; of more, the oldest is dropped.
+        warnings: Where refused messages are reported.
     """
 
     def __init__(self, length: int = 100, warnings: Optional[ThrottledWarnings] = None) -> None:
@@ -30,12 +34,12 @@ class MessageQueue:
         self._warnings = warnings or ThrottledWarnings()
 
     def offer(self, message: Any, now: float, make: Callable[[Any], Any] = lambda message: message) -> None:
-        """Add what a sensor sent, or tell why it is refused: not where that is over at once, as at a graph's start.
+        """Add a sensor's message, or warn that it is refused, where that lasts.
 
         Args:
-            message: With a header.
-            now: The clock (s), 0 before its first message.
-            make: Makes of it what is to wait, with a header.
+            message: A message with a header.
+            now: ROS time (s); 0 before the first /clock.
+            make: Converts it to the object that is queued, which has a header, too.
         """
         try:
             check_stamp(message.header.stamp.to_sec(), now)
@@ -46,23 +50,26 @@ class MessageQueue:
             self._warnings.worked()
 
     def put(self, message: Any) -> None:
-        """Add a message; the oldest goes where there is no room."""
+        """Add a message; drop the oldest where the queue is full."""
         with self._changed:
             if self._waiting and message.header.stamp + _ONE_SECOND < self._waiting[-1].header.stamp:
-                self._waiting.clear()  # time was set back: what waits belongs to a world that is over
+                self._waiting.clear()  # time was set back, as by a simulation's reset
             self._waiting.append(message)
             self._has_news = True
             self._changed.notify()
 
     def look_again(self) -> None:
-        """Have what waits asked again whether it is ready; call when transforms have come."""
+        """Wake `take` to test the waiting messages again; call when transforms have arrived."""
         with self._changed:
             if self._waiting:
                 self._has_news = True
                 self._changed.notify()
 
     def take(self, is_ready: Callable[[Any], bool], timeout: float) -> List[Any]:
-        """Return the newest ready message of each frame; none where none is, after news or `timeout` wall seconds."""
+        """Wait for news, `timeout` wall seconds at most, and return the newest ready message of each frame, by stamp.
+
+        Older ones of the same frame are dropped. Empty where none is ready.
+        """
         with self._changed:
             self._changed.wait_for(lambda: self._has_news, timeout)
             self._has_news = False
@@ -82,6 +89,6 @@ class MessageQueue:
         return sorted(ready.values(), key=lambda message: message.header.stamp)
 
     def oldest(self) -> Optional[Any]:
-        """Return the message that has waited longest, None where none waits."""
+        """Return the message that has waited longest, None where the queue is empty."""
         with self._changed:
             return self._waiting[0] if self._waiting else None

@@ -1,4 +1,4 @@
-"""How every node starts and ends: one line for what is wrong, no traceback for what a user can mend."""
+"""Start and end of every node: errors that a user can fix are one line, programming errors a traceback."""
 
 from __future__ import annotations
 
@@ -17,42 +17,40 @@ from mbf_relay.importing import import_or_exit
 from mbf_relay.ros.common.ending import NodeEnding
 
 INTERRUPTED = 130
-"""Exit status of a program that was interrupted, as shells have it: it did not do what it was asked to."""
+"""Exit status of a program that was interrupted, as in shells (128 + SIGINT)."""
 MASTER_PERIOD = 0.1
-"""Wall seconds between two looks for a master that is not there yet."""
+"""Wall seconds between two attempts to reach a master that is not there yet."""
 FLUSH_TIME = 0.2
-"""Wall seconds that rospy's sending threads need for last words."""
+"""Wall seconds that rospy's sending threads get for what is published at shutdown."""
 ALGEBRA_THREADS = "OPENBLAS_NUM_THREADS"
-"""Environment variable: OpenBLAS keeps as many threads, which spin after each call, and took two thirds of amcl's time.
-"""
-
-
+"""Environment variable: OpenBLAS' number of threads. They spin after each call, and took two thirds of amcl's time."""
 READ_ON = "\n\nIn the package: launch/README.md has its topics and services, config/README.md its parameters."
-"""What --help of a node without arguments ends with: they are too many for it."""
+"""The end of what --help of a node without arguments prints."""
 
 
 def run_node(name: str, place: str, **arguments: Any) -> None:
     """Register a node, run its main function until it returns, and end the process.
 
-    The exit status is 0 after the function returned or ROS was shut down, be it by a signal at any moment from here on,
-    and 1 after an error a user can mend, which is logged as one line, and where there is a new master, so that whoever
-    started the node starts it again. A programming error keeps its traceback. `--help` prints what the module says of
-    itself (its USAGE where it has one, else the executable's docstring or its own) and needs no ROS master, nor does
-    what the module's `check_arguments`, where it has that, says of the command line; any other node takes none.
+    The exit status is 0 where the function returned or ROS was shut down, also by a signal at any moment from here on.
+    It is 1 after an error that a user can fix, which is logged as one line, after a programming error, which prints its
+    traceback, and where the master was restarted, so that respawn="true" starts the node again.
+
+    `--help` prints the module's USAGE, else the docstring of the executable or module. A module that takes command line
+    arguments has a function `check_arguments`, which raises ValueError or SystemExit. Neither needs a ROS master.
 
     Args:
-        name: Of the node.
-        place: The function, with its module: "mbf_relay.ros.amcl.node.main". It is imported here, so that a signal
-            finds the node ready to end.
-        arguments: For the function.
+        name: Name of the node.
+        place: Full name of the function, e.g. "mbf_relay.ros.amcl.node.main"; its module is imported here, when
+            signals are handled already.
+        arguments: Passed to the function.
     """
     ending = NodeEnding()
     os.environ.setdefault(ALGEBRA_THREADS, "1")  # before NumPy is imported
     _start_soon()
-    import rospy  # what is imported here and below, after NodeEnding(), no signal can interrupt
+    import rospy  # imported after NodeEnding(), hence not interrupted by signals
 
     module_name, _, function = place.rpartition(".")
-    importlib.import_module("mbf_relay.ros.common.reconfigure")  # quietens dynamic_reconfigure
+    importlib.import_module("mbf_relay.ros.common.reconfigure")  # silences a complaint of dynamic_reconfigure's import
     module = import_or_exit(module_name)
     line = rospy.myargv(sys.argv)[1:]
     if {"-h", "--help"} & set(line):
@@ -67,9 +65,9 @@ def run_node(name: str, place: str, **arguments: Any) -> None:
 
 
 def _misread(name: str, line: Sequence[str], check: Optional[Callable[[Sequence[str]], Any]]) -> int:
-    """Return the exit status of a command line that a node cannot take, having said why; 0 of one that it can.
+    """Check a node's command line arguments; return 0 where they are valid, else print why and return an exit status.
 
-    What upstream's nodes pass over in silence is passed over here as well, and said.
+    Arguments of a node that takes none are ignored, as by upstream's nodes, but with a warning.
     """
     if check is None:
         if line:
@@ -87,13 +85,13 @@ def _misread(name: str, line: Sequence[str], check: Optional[Callable[[Sequence[
 
 
 def run_program(place: str) -> None:
-    """Run a program that does one thing and tells by its exit status whether it did.
+    """Run a command line program that uses ROS; its function reads the arguments, calls init_node and ends by sys.exit.
 
-    It reads its arguments, starts a node of its own and ends by sys.exit. A signal ends it at any moment from here on
-    as it ends a node, with INTERRUPTED, for whatever a shell's && has after it must not be done then.
+    A signal shuts it down as it does a node, at any moment from here on, but the exit status is INTERRUPTED then, so
+    that a shell does not go on after `&&`.
 
     Args:
-        place: The function, with its module, as for `run_node`.
+        place: Full name of the function, as for `run_node`.
     """
     ending = NodeEnding(INTERRUPTED)
     _start_soon()
@@ -109,7 +107,7 @@ def run_program(place: str) -> None:
         getattr(module, function)()
     except SystemExit as end:
         status = end.code or 0
-    except Exception:  # rospy's own at a shutdown that has begun are none
+    except Exception:  # those that rospy raises because of a shutdown are not reported
         if not rospy.core.is_shutdown_requested():  # is_shutdown turns true only when topics are closed
             traceback.print_exc()
         status = 1
@@ -121,7 +119,7 @@ def run_program(place: str) -> None:
 
 
 def _start_soon() -> None:
-    """Import rospy, without what nobody uses, and have it start a node sooner, receive with less and log plainly."""
+    """Set up logging and import rospy with this package's patches; see `rospy_patches`."""
     import logging
 
     from mbf_relay.ros.common import logs
@@ -144,7 +142,7 @@ def _start_soon() -> None:
 
 
 def _live(name: str, main: Callable[[], None], ending: NodeEnding) -> int:
-    """Return the exit status of a node's life."""
+    """Start a node, run `main` and shut ROS down; return the exit status."""
     import traceback
 
     import rospy
@@ -177,7 +175,7 @@ def _live(name: str, main: Callable[[], None], ending: NodeEnding) -> int:
         main()
     except rospy.ROSInterruptException:
         pass
-    except rospy.ROSInitException as error:  # the master left while this node came
+    except rospy.ROSInitException as error:  # the master ended while this node registered
         if not rospy.core.is_shutdown_requested():
             print(f"the node {name} could not be started: {one_line(error)}", file=sys.stderr)
             return 1
@@ -197,10 +195,10 @@ def _live(name: str, main: Callable[[], None], ending: NodeEnding) -> int:
 
 
 def _wait_for_master(name: str) -> None:
-    """Return when there is a master: rospy waits for one, too, but ends a node that has parameters as arguments.
+    """Wait for the master; rospy waits, too, but a node with parameters on its command line fails without a master.
 
-    One that does not know the roslaunch this node is of has come after another's end. Nodes that outlived that one give
-    it the parameters that this node was launched with (see MasterWatch), and these are waited for.
+    A master that does not have the run_id of the roslaunch that started this node was restarted after that. Surviving
+    nodes then restore the parameters of this launch (see MasterWatch), which is waited for, GIVEN_BACK_WITHIN at most.
     """
     import xmlrpc.client  # nosec B411: what the ROS master speaks
 
@@ -226,21 +224,21 @@ def _wait_for_master(name: str) -> None:
                 print(f"no ROS master at {where} ({one_line(error)}); waiting for it", file=sys.stderr)
             said = True
         except (xmlrpc.client.Error, rosgraph.MasterException):
-            return  # what answers there is for rospy to judge
+            return  # not a ROS master, or one with an error: rospy reports it
         time.sleep(MASTER_PERIOD)
 
 
 def _launch_log() -> str:
-    """Return the log that roslaunch names to its nodes, which has the id of its run in it; empty without roslaunch.
+    """Return the argument `__log:=...` that roslaunch gives its nodes, whose path has the run_id; empty without it.
 
-    A node that was forked has the command line of its parent, which roslaunch started.
+    Read from /proc, as a forked node has its parent's command line there and not in sys.argv.
     """
     with open("/proc/self/cmdline", encoding="utf-8", errors="replace") as stream:
         return next((word for word in stream.read().split("\0") if word.startswith("__log:=")), "")
 
 
 def on_shutdown(last_words: Callable[[], None]) -> None:
-    """Have `last_words` called when the node ends, while it can still publish, and what it publishes sent."""
+    """Call `last_words` at shutdown, while the node can still publish, and wait until what it published is sent."""
     import rospy
 
     def speak() -> None:
@@ -251,10 +249,10 @@ def on_shutdown(last_words: Callable[[], None]) -> None:
 
 
 def spare_what_stays() -> None:
-    """Keep what a node has made by now, its libraries above all, out of garbage collection; call when it is ready.
+    """Exclude all objects made so far from garbage collection (gc.freeze); call when the node is ready.
 
-    A collection of all that stops every thread for a tenth of a second, in the middle of a drive. What was needed to
-    start alone goes back to the system: a MiB or more.
+    A full collection stops every thread for a tenth of a second. Memory that only the start needed is returned to the
+    system: a MiB or more.
     """
     gc.collect()
     gc.freeze()
@@ -262,7 +260,7 @@ def spare_what_stays() -> None:
 
 
 def one_line(error: BaseException) -> str:
-    """Return an exception's text on one line, and what to do where the node may open no more files."""
+    """Return an exception's text on one line, with a hint where the process has too many open files."""
     text = " ".join(str(error).split()) or type(error).__name__
     if isinstance(error, OSError) and error.errno == errno.EMFILE:
         most = resource.getrlimit(resource.RLIMIT_NOFILE)[0]

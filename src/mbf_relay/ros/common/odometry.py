@@ -1,4 +1,4 @@
-"""Odometry as it comes in: thirty messages a second, of which most are never looked at."""
+"""Input of odometry: the newest message, deserialized only when it is asked for."""
 
 from __future__ import annotations
 
@@ -20,53 +20,55 @@ from mbf_relay.ros.common.conversions import twist_from_message
 from mbf_relay.ros.common.unread import unread
 
 RawOdometry = unread(Odometry)
-"""An Odometry message as it came."""
+"""An Odometry message as bytes."""
 FALLEN_SILENT = 2.0
-"""Wall seconds after which another node is heard in the place of one that is there and says nothing."""
+"""Wall seconds of silence after which a connected publisher is replaced by another one."""
 WARN_PERIOD = 10.0
-"""Seconds between two warnings of a second node."""
+"""Seconds between two warnings of a second publisher."""
 DOUBT_PERIOD = 60.0
-"""Seconds between two warnings of velocities that are none: they are what the driver tells all the time."""
+"""Seconds between two warnings that twist contradicts the poses: a driver's fault that lasts."""
 
 
 class OdometryInput:
-    """Subscribes to odometry and keeps the newest.
+    """Subscribes to odometry and keeps the newest message.
 
-    Of several nodes that publish on the topic only one is heard, who came first, as of those that tell of one frame on
-    /tf: a robot drives by either, and by both in turn by neither.
+    Of several publishers only the first is used while it is alive, as for one frame on /tf: a robot cannot drive by two
+    odometries that alternate.
 
     Args:
-        topic: Its name.
+        topic: Name of the topic.
 
     Attributes:
-        topic: Resolved.
+        topic: Its resolved name.
     """
 
     def __init__(self, topic: str) -> None:
         self.topic = rospy.resolve_name(topic)
-        self._newest: Any = None  # with the time (s) at which it came
+        self._newest: Any = None  # the message, and the ROS time (s) at which it arrived
         self._teller, self._heard_at = "", -math.inf
         self._twists, self._judging = TwistMonitor(), threading.Lock()  # drives and recoveries ask from their threads
-        self._subscriber: Any = None  # messages may come before it is there
+        self._subscriber: Any = None  # messages may arrive before the constructor has returned
         self._subscriber = rospy.Subscriber(
             topic, RawOdometry, self._take, queue_size=1, buff_size=1 << 18, tcp_nodelay=True)
 
     @property
     def is_expected(self) -> bool:
-        """Whether there has been any, or somebody is there to send it."""
+        """Whether there was a message, or there is a publisher."""
         return self._newest is not None or self._subscriber.get_num_connections() > 0
 
     def read(self, now: float, max_age: float) -> Tuple[Odometry, float, Twist2D]:
-        """Return the newest message, its time (s) and its velocity (body frame).
+        """Return the newest message, its stamp (s) and its velocity (body frame).
 
-        That of a driver that tells no time is of when it came, as to move_base, which looks at no stamp.
+        Where the stamp is zero, the time of arrival counts. The velocity is TwistMonitor's: derived from the poses
+        where the message's own contradicts them.
 
         Args:
-            now: Seconds.
-            max_age: Seconds.
+            now: ROS time (s).
+            max_age: Largest age (s).
 
         Raises:
-            StaleDataError: There is none, it is too old or from the future, cannot be read, or its velocity is none.
+            StaleDataError: There is none, it is too old or ahead of the clock, cannot be deserialized, or its velocity
+                is invalid.
         """
         if self._newest is None:
             raise StaleDataError(f"no odometry on {self.topic} yet")
@@ -104,6 +106,6 @@ class OdometryInput:
 
 
 def planar_pose(odometry: Odometry) -> Pose2D:
-    """Return odometry's pose as it is: a driver that fills in velocities alone is none to refuse."""
+    """Return odometry's pose without checks, as some drivers fill in velocities alone; yaw (rad) in -2 pi to 2 pi."""
     position, turn = odometry.pose.pose.position, odometry.pose.pose.orientation
     return Pose2D(position.x, position.y, 2.0 * math.atan2(turn.z, turn.w))

@@ -1,7 +1,7 @@
-"""Outcomes to the numbers of the mbf_msgs at hand, the one place where names become codes.
+"""Conversion between outcomes and the result codes of the installed mbf_msgs.
 
-Release 0.4.0 and the later master number them differently, so a number is always looked up by name in the generated
-message. A name the older release lacks falls back to the nearest it has.
+Release 0.4.0 and upstream's master number the outcomes differently, so that a code is looked up by name in the
+generated message. A name that the older release lacks is replaced by the nearest it has.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ from __future__ import annotations
 from enum import Enum
 from typing import Any, Dict
 
-FALLBACKS: Dict[str, str] = {
+FALLBACKS: Dict[str, str] = {  # tried in turn, until the message has the name
     "BLOCKED_START": "INVALID_START",
     "BLOCKED_GOAL": "INVALID_GOAL",
     "BLOCKED_PATH": "NO_VALID_CMD",

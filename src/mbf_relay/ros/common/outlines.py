@@ -1,4 +1,4 @@
-"""A robot's outline out of a message, as one that takes up a load sends it."""
+"""A robot's footprint from a message: one that takes up a load publishes another footprint."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from mbf_relay.ros.common.checks import InvalidMessage, check_count
 
 
 def outline_from_message(message: Polygon) -> np.ndarray:
-    """Return an outline without padding, shape (K, 2) in metres.
+    """Return a footprint without padding, shape (K, 2) in metres, base frame.
 
     Raises:
-        ValueError: No robot can have it.
+        ValueError: It has too few or too many corners, or is no valid footprint.
     """
     check_count(len(message.points), MOST_CORNERS, "corners")
     if not message.points:

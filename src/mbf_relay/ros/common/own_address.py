@@ -1,4 +1,4 @@
-"""Whether others can reach a node where it tells them to: a wrong ROS_HOSTNAME or ROS_IP is noticed by nobody else."""
+"""Checks that a node can be reached at the address it advertises, to report a wrong ROS_HOSTNAME or ROS_IP."""
 
 from __future__ import annotations
 
@@ -10,14 +10,15 @@ import rospy
 from mbf_relay.ros.common.impatient_proxy import NO_ANSWER, impatient_proxy
 
 PATIENCE = 5.0
-"""Wall seconds for an answer of one's own."""
+"""Wall seconds for the node's own answer."""
 AT_HOME = ("localhost", "127.0.0.1", "::1")
+"""Hosts that are not checked: always this machine."""
 
 
 def warn_where_unreachable() -> None:
-    """Warn, when it turns out, where this node cannot reach itself by the address that the master has of it.
+    """Warn, from a thread of its own, if this node cannot reach itself at the address it has registered.
 
-    The node registers all the same, says that it is ready, and no message or goal ever comes.
+    Such a node registers and seems ready, but receives no message and no goal.
     """
     address = rospy.get_node_uri()
     if address and urlparse(address).hostname not in AT_HOME:
@@ -25,7 +26,7 @@ def warn_where_unreachable() -> None:
 
 
 def look(address: str) -> None:
-    """Ask for a sign of life at an address; warn where there is none."""
+    """Call the node at an XML-RPC address; warn if it does not answer."""
     try:
         impatient_proxy(address, PATIENCE).getPid(rospy.get_name())
     except NO_ANSWER as error:

@@ -12,7 +12,7 @@ from mbf_relay.ros.common.reconfigure import RESTORE_DEFAULTS
 T = TypeVar("T", bound=ParameterSet)
 
 OWN_FILE = 3
-"""Names of a node's parameters that stand beside it from which they are taken for a file of its own, loaded there."""
+"""Number of a node's parameters found in the namespace above it, from which on its file counts as loaded there."""
 
 
 def load(parameter_set: Type[T], namespace: str = "~", known_elsewhere: Iterable[str] = ()) -> T:
@@ -20,8 +20,8 @@ def load(parameter_set: Type[T], namespace: str = "~", known_elsewhere: Iterable
 
     Args:
         parameter_set: The dataclass to fill.
-        namespace: Where its names stand; "~" for the node's own.
-        known_elsewhere: Further names of that namespace that somebody else reads.
+        namespace: Namespace of its names; "~" for the node's private one.
+        known_elsewhere: Names of that namespace that others read, of which there is no warning.
 
     Raises:
         ValueError: A value is of the wrong type or out of range; the text names parameter, value and what is allowed.
@@ -37,8 +37,11 @@ def fill(parameter_set: Type[T], values: Mapping[str, Any], where: str, known_el
     Args:
         parameter_set: The dataclass to fill.
         values: Names and values.
-        where: Named in warnings and errors.
-        known_elsewhere: Names that somebody else reads.
+        where: Namespace, for warnings and errors.
+        known_elsewhere: Names that others read, of which there is no warning.
+
+    Raises:
+        ValueError: As for `load`.
     """
     warn_of_unknown(parameter_set, values, where, known_elsewhere)
     try:
@@ -50,7 +53,7 @@ def fill(parameter_set: Type[T], values: Mapping[str, Any], where: str, known_el
 
 
 def warn_of(notes: Iterable[str], where: str) -> None:
-    """Warn of what was made of values that could not be taken as they are."""
+    """Log notes of a parameter set on values that were changed, such as clamped ones, as warnings."""
     for note in notes:
         rospy.logwarn("%s: %s", rospy.resolve_name(where), note)
 
@@ -60,7 +63,7 @@ def warn_of_unknown(
 ) -> None:
     """Warn about each name in `values` that is unknown or out of date, groups too; arguments as for `fill`."""
     for name in parameter_set.unknown_names(values):
-        # dynamic_reconfigure leaves its button on the server, where the next start of the node finds it.
+        # dynamic_reconfigure writes this switch to the parameter server, where the next start of the node finds it.
         if name not in known_elsewhere and name != RESTORE_DEFAULTS:
             rospy.logwarn("parameter %s is not known here and is ignored%s", rospy.resolve_name(join(where, name)),
                           parameter_set.hint(name))
@@ -69,10 +72,10 @@ def warn_of_unknown(
 
 
 def warn_of_own_file_beside(names: Iterable[str]) -> None:
-    """Warn where a node's own file was loaded in the namespace it stands in, as overrides, where it reads nothing.
+    """Warn where a node's file seems to be loaded into the namespace above the node, in which it reads nothing.
 
     Args:
-        names: Of all its parameters and groups.
+        names: Names of all parameters and groups of the node.
     """
     above = rospy.get_namespace()
     standing = {name[len(above):].partition("/")[0] for name in rospy.get_param_names() if name.startswith(above)}
@@ -86,10 +89,10 @@ def warn_of_own_file_beside(names: Iterable[str]) -> None:
 
 
 def warn_of_tf_prefix(base_frame: str) -> None:
-    """Warn where a tf_prefix stands over this node that the robot's frame does not begin with.
+    """Warn where a tf_prefix is set for this node with which the robot's base frame does not begin.
 
-    Nodes that use tf2, as move_base and amcl do since Noetic at the latest, pay no heed to it; a robot_state_publisher
-    does, and who counts on it would wait for frames for ever.
+    Nodes that use tf2 ignore tf_prefix; robot_state_publisher does not. Whoever relies on it waits for frames that
+    nobody publishes.
     """
     found = rospy.search_param("tf_prefix")
     prefix = str(rospy.get_param(found, "")).strip("/") if found else ""
@@ -100,12 +103,16 @@ def warn_of_tf_prefix(base_frame: str) -> None:
 
 
 def groups_in(values: Mapping[str, Any]) -> List[str]:
-    """Return the names of the groups in `values`, for `known_elsewhere` where somebody else tells of those unknown."""
+    """Return the names of the groups in `values`, for `known_elsewhere` where unknown groups are reported elsewhere."""
     return [name for name, value in values.items() if isinstance(value, Mapping)]
 
 
 def read_namespace(namespace: str) -> Mapping[str, Any]:
-    """Return everything under a namespace as a dictionary, empty where there is nothing."""
+    """Return all parameters of a namespace as a dictionary, empty where it has none.
+
+    Raises:
+        ValueError: There is a single value by that name.
+    """
     values = rospy.get_param(namespace if namespace != "~" else rospy.get_name(), {})
     if not isinstance(values, Mapping):
         raise ValueError(f"parameter {rospy.resolve_name(namespace)} is {values!r}; it must be a group of parameters")

@@ -1,4 +1,4 @@
-"""Point clouds that are read from where they lie: rospy copies the megabytes of a depth camera's once more for each."""
+"""PointCloud2 without a copy of its data: rospy copies the megabytes of a depth camera once more for each message."""
 
 from __future__ import annotations
 
@@ -10,15 +10,16 @@ from sensor_msgs.msg import PointCloud2
 
 _LENGTH = struct.Struct("<I")
 _BEFORE_NAME, _SIZES, _OF_FIELD, _LAYOUT, _AFTER_DATA = 12, 8, 9, 9, 1
-"""Bytes of seq and stamp; height and width; offset, datatype and count of a field; order and steps; is_dense."""
+"""Bytes before frame_id (seq, stamp); of height and width; of a field's offset, datatype and count; of is_bigendian,
+point_step and row_step; of is_dense."""
 
 
 class QuickCloud(PointCloud2):
-    """sensor_msgs/PointCloud2 as it comes in: `data` is a view of what was received."""
+    """sensor_msgs/PointCloud2 for subscribers: `data` is a memoryview of the received bytes."""
 
     @staticmethod
     def make_room(length: int) -> np.ndarray:
-        """Return room for so many bytes to come, which are not set to zero before, nor handed out page by page."""
+        """Return a buffer of `length` bytes for a message, uninitialized; see rospy_patches.receiving."""
         return np.empty(length, np.uint8)
 
     def deserialize(self, text: Any) -> Any:
@@ -33,7 +34,7 @@ class QuickCloud(PointCloud2):
 
 
 def _data_begin(text: Any) -> Optional[int]:
-    """Return where the points begin, None where what is told before them does not fit the message."""
+    """Return the offset of `data` in a serialized message, None where the lengths before it do not fit the message."""
     try:
         (name,) = _LENGTH.unpack_from(text, _BEFORE_NAME)
         at = _BEFORE_NAME + _LENGTH.size + int(name) + _SIZES

@@ -1,6 +1,7 @@
-"""Grid messages whose cells are written and read as one block, where rospy handles them as Python numbers one by one.
+"""Grid messages that write and read their cells as one block; rospy handles each cell as a Python number.
 
-They go over the wire as the messages they derive from. A map of 15 million cells takes milliseconds instead of seconds.
+Serialized they are the same as the messages they derive from. A map of 15 million cells takes milliseconds instead of
+seconds.
 """
 
 from __future__ import annotations
@@ -44,7 +45,7 @@ class _QuickCells:
         return self
 
     def _cells_begin(self, text: bytes) -> Optional[int]:
-        """Return where the cells begin, None where the length before them does not fit the message."""
+        """Return the offset of the cells, None where their number does not fit the message's length."""
         fixed = self._fixed_size(text)
         if len(text) < fixed + _LENGTH.size:
             return None
@@ -52,7 +53,7 @@ class _QuickCells:
         return fixed + _LENGTH.size if fixed + _LENGTH.size + count == len(text) else None
 
     def _fixed_size(self, text: bytes) -> int:
-        """Return how many bytes stand before the number of cells: a header with its frame's name, then fixed fields."""
+        """Return the offset of the number of cells: after the header with its frame_id, and fields of fixed size."""
         (name,) = _LENGTH.unpack_from(text, 12)
         return 16 + int(name) + self._after_header
 

@@ -1,6 +1,6 @@
-"""Services that answer with a map, whose cells are written and read as one block.
+"""Services that answer with a map, with its cells written and read as one block.
 
-rospy makes each cell a number of forty bytes: to answer `static_map` with 64 million cells took 2.6 GiB.
+rospy makes a Python object of forty bytes of each cell: an answer of `static_map` with 64 million cells took 2.6 GiB.
 """
 
 from __future__ import annotations
@@ -27,13 +27,13 @@ class QuickMapResponse(GetMapResponse):
 
 
 class QuickGetMap(GetMap):
-    """nav_msgs/GetMap, for who asks."""
+    """nav_msgs/GetMap, for clients."""
 
     _response_class = QuickMapResponse
 
 
 class QuickLoadResponse(LoadMapResponse):
-    """The answer of nav_msgs/LoadMap, with a QuickGrid, for who answers."""
+    """The answer of nav_msgs/LoadMap, with a QuickGrid, for servers."""
 
     def serialize(self, buff: Any) -> None:
         """Write the message to a buffer."""

@@ -1,4 +1,4 @@
-"""Readings of sonars and infrared rangers, as rays in the sensor's frame."""
+"""sensor_msgs/Range of sonars and infrared rangers, as points in the sensor's frame."""
 
 from __future__ import annotations
 
@@ -11,23 +11,23 @@ from sensor_msgs.msg import Range
 from mbf_relay.ros.common.checks import InvalidMessage
 
 WIDEST = math.pi
-"""Radians: no cone is wider."""
+"""Largest field_of_view (rad)."""
 
 
 def range_points(message: Range, far_is_free: bool) -> Tuple[np.ndarray, np.ndarray]:
-    """Return where the cone of a reading ends, and whether something is there.
+    """Return the end of a reading's cone, and whether an obstacle is there.
 
     Args:
-        message: The reading. Where its min_range is its max_range it is that of a ranger which only tells whether
-            something is nearer, by -inf and +inf (REP 117).
-        far_is_free: Whether a reading of max_range or more says that nothing is in the cone.
+        message: The reading. min_range equal to max_range marks a sensor of fixed distance, which only tells whether
+            something is nearer than that, by -inf, or not, by +inf (REP 117).
+        far_is_free: Whether a reading of max_range or more means that the cone is free (clear_on_max_reading).
 
     Returns:
-        The ends of its right edge, its middle and its left edge, shape (3, 2) in metres, and whether they are hits,
-        (3,) bool; none of either where the reading says nothing.
+        The end points of the cone's right edge, axis and left edge, shape (3, 2) in metres, and whether they are hits,
+        (3,) bool; both empty where the reading has no information.
 
     Raises:
-        InvalidMessage: The numbers are no ranger's; the text names the one.
+        InvalidMessage: A number is invalid; the text names it.
     """
     least, most, reading, width = message.min_range, message.max_range, message.range, message.field_of_view
     if not (math.isfinite(width) and 0.0 < width <= WIDEST):

@@ -1,4 +1,4 @@
-"""dynamic_reconfigure over declared parameters: one declaration makes the .cfg and takes the changes.
+"""dynamic_reconfigure for declared parameters: the .cfg files and the run-time server come from one declaration.
 
 The `config/*.cfg` files call `add_parameters` at build time; nodes call `serve` at run time.
 """
@@ -26,23 +26,24 @@ else:
     roslib.launcher._bootstrapped.append("dynamic_reconfigure")
 
 RESTORE_DEFAULTS = "restore_defaults"
+"""The switch that upstream's nodes have, too: brings back the values the node was started with."""
 
 Slider = Tuple[Optional[float], Optional[float]]
-"""The least and the greatest value offered."""
+"""Least and greatest value offered; None for no limit."""
 
 
 def add_parameters(
     generator: Any, parameter_set: Type[ParameterSet], names: Optional[Iterable[str]] = None, restore: bool = True,
     sliders: Mapping[str, Slider] = MappingProxyType({}),
 ) -> None:
-    """Add a parameter set's numbers, texts and switches to a dynamic_reconfigure ParameterGenerator.
+    """Add a parameter set's numbers, strings and booleans to a dynamic_reconfigure ParameterGenerator.
 
     Args:
         generator: dynamic_reconfigure.parameter_generator_catkin.ParameterGenerator.
         parameter_set: The dataclass; lists, which dynamic_reconfigure has no type for, are left out.
         names: Only these, where given.
         restore: Add `restore_defaults`, which brings back the values the node was started with.
-        sliders: Range to offer by name, where it is not what a file may say; None for an end that has none.
+        sliders: Ranges to offer, by name, where they differ from the declared ones.
     """
     from dynamic_reconfigure.parameter_generator_catkin import bool_t, double_t, int_t, str_t
 
@@ -82,7 +83,10 @@ def load(path: str) -> Any:
 
 
 def serve_plugin(registry: Registry[Any], name: str) -> List[Any]:
-    """Offer a plugin's parameters for change at run time where it has any such, in every slot; keep the result."""
+    """Serve a plugin's parameters by dynamic_reconfigure, if it has any such; keep a reference to the returned servers.
+
+    Changes apply to the plugin's instances in all slots.
+    """
     plugin = registry.plugin(name)
     if not plugin.dynamic_config:
         return []
@@ -94,17 +98,17 @@ def serve_plugin(registry: Registry[Any], name: str) -> List[Any]:
 
 
 def _check_texts(values: Dict[str, Any]) -> None:
-    """Raise ValueError where a text is none that the parameter server can keep, which speaks XML."""
+    """Raise ValueError for a string with characters that XML-RPC, and so the parameter server, cannot carry."""
     for name, value in values.items():
         if isinstance(value, str) and not value.replace("\n", " ").replace("\t", " ").isprintable():
             raise ValueError(f"{name} is {value!r}; it must not have characters that cannot be printed")
 
 
 def _tell_master(values: Mapping[str, Any]) -> None:
-    """Set parameters, by their full names, in one call: one by one they were a third of all calls of a start.
+    """Set parameters, by their full names, in one XML-RPC call: one by one they were a third of all calls at a start.
 
     Raises:
-        rospy.ROSException: The master takes one of them not.
+        rospy.ROSException: The master refuses one of them.
     """
     import xmlrpc.client  # nosec B411: what the ROS master speaks
 
@@ -120,7 +124,7 @@ def _tell_master(values: Mapping[str, Any]) -> None:
 
 
 class _Values:
-    """A set's values in force, and how a change to them is taken; arguments as for `serve`."""
+    """The current values of a parameter set, and the callback that changes them; arguments as for `serve`."""
 
     def __init__(
         self, config_type: Any, parameters: ParameterSet, apply: Callable[[Any], None],
@@ -131,9 +135,9 @@ class _Values:
         self._asked = False
 
     def take(self, config: Any, _level: int) -> Any:
-        """Take what dynamic_reconfigure's server is asked for, and return what holds then.
+        """Apply a requested configuration and return the one in force then, as dynamic_reconfigure's callback.
 
-        Its first question, as it is made, is what to begin with: the values in force.
+        The server calls it once in its constructor; that call changes nothing and returns the current values.
         """
         import rospy
 
@@ -151,12 +155,12 @@ class _Values:
         return config
 
     def _change(self, values: Mapping[str, Any], restore: bool) -> List[str]:
-        """Put other values, or the defaults, in force; return notes on what was made of them."""
+        """Apply other values, or the defaults; return notes on values that were changed, as by clamping."""
         notes: List[str] = []
         if restore:
             wanted = self._defaults()
         else:
-            # the server takes all values into their sliders' ranges, also those nobody asked to change
+            # the server clamps all values to their sliders' ranges, also those that no client changes
             changes = {n: value for n, value in values.items() if value != self._within(n, getattr(self._current, n))}
             _check_texts(changes)
             wanted, notes = self._current.reconfigured(changes)
@@ -165,7 +169,7 @@ class _Values:
         return notes
 
     def _within(self, name: str, value: Any) -> Any:
-        """Return a number taken to the range that is offered, anything else as it is."""
+        """Return a number clamped to its slider's range, anything else as it is."""
         lowest, highest = self._config_type.min.get(name), self._config_type.max.get(name)
         return value if isinstance(value, (bool, str)) else min(max(value, lowest), highest)
 
@@ -174,23 +178,23 @@ def serve(
     config_type: Any, parameters: ParameterSet, apply: Callable[[Any], None], namespace: str = "",
     defaults: Optional[Callable[[], Any]] = None,
 ) -> Any:
-    """Offer a parameter set's values for change at run time.
+    """Serve a parameter set by dynamic_reconfigure.
 
     Args:
         config_type: Generated module, e.g. mbf_relay.cfg.AmclConfig.
-        parameters: The values in force; they become the server's first state, over the .cfg's defaults.
-        apply: Called with the new set after every change; not called at start.
-        namespace: Below the node's own, e.g. "DWAPlannerROS"; empty for the node itself.
-        defaults: Gives the set that `restore_defaults` brings back, where that is not `parameters`.
+        parameters: The current values; they replace the .cfg's defaults as the server's initial state.
+        apply: Called with the new set at every change, and not at start; ValueError refuses the change.
+        namespace: Below the node's private one, e.g. "DWAPlannerROS"; empty for the node itself.
+        defaults: Returns the set that `restore_defaults` brings back, where that is not `parameters`.
 
     Returns:
-        The dynamic_reconfigure server; keep it.
+        The dynamic_reconfigure server; keep a reference to it.
     """
     import rospy
     from dynamic_reconfigure.server import Server
 
     class StartsWithOurs(Server):
-        """Starts with the values in force, not with what stands on the parameter server, of which some was refused."""
+        """Starts with the current values, not with the parameter server's, some of which may have been refused."""
 
         def _copy_from_parameter_server(self) -> None:
             pass

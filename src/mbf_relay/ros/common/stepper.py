@@ -1,5 +1,4 @@
-"""The one thread that steps navigation: asleep until something is due on the ROS clock or somebody asks for something.
-"""
+"""The thread that steps navigation: it sleeps until a step is due by ROS time, or until it is woken."""
 
 from __future__ import annotations
 
@@ -17,24 +16,25 @@ from mbf_relay.ros.common.clock_watch import ClockWatch
 from mbf_relay.timing import ROUNDING
 
 STILL_CLOCK = 1.0
-"""Wall seconds between two steps while time stands still or is set back, so that nothing depends on its going on."""
+"""Longest wall seconds between two steps, also while ROS time stands still or was set back."""
 STEP_PATIENCE = 1.0
-"""Wall seconds a step may take before whoever watches it must take it for hung."""
+"""Wall seconds after which a step counts as hanging."""
 CLOCK_PATIENCE = 2.0
-"""Wall seconds a simulator may take to come back before the clock it published counts as lost."""
+"""Wall seconds without a publisher of /clock after which it counts as lost; a simulator may restart meanwhile."""
 FIRST_CLOCK = 20.0
-"""Wall seconds it may take to come up: as long as goals wait for a server."""
+"""Wall seconds a simulator may take to publish its first /clock: as long as goals wait for a server."""
 PYTHONS_OWN = os.path.dirname(threading.__file__)
-"""Folder of what a step waits in and nobody looks for: locks, queues, sockets."""
+"""Folder of Python's standard library, whose stack frames `hangs_in` skips: locks, queues, sockets."""
 
 
 class Stepper:
-    """Calls `step(now)`, which returns the time (s) of its next need, and calls it again then or when woken.
+    """Calls `step(now)` repeatedly: at the time that it returned last, or when woken.
 
-    On the simulated clock each message of /clock is compared with that time, in the callback; nothing polls.
+    In simulated time the callback of /clock compares each message with that time; nothing polls.
 
     Args:
-        step: Must not raise.
+        step: Takes ROS time (s) and returns when it is to be called next (s), infinite for only when woken; must not
+            raise.
     """
 
     def __init__(self, step: Callable[[float], float]) -> None:
@@ -49,24 +49,24 @@ class Stepper:
         self._watch, self._has_ticked, self._ticked_at = ClockWatch(), False, time.monotonic()
 
     def start(self) -> None:
-        """Begin stepping."""
+        """Start the thread."""
         if self._simulated:
             self._clock = rospy.Subscriber("/clock", Clock, self._on_clock, queue_size=1, tcp_nodelay=True)
         self._thread.start()
 
     def wake(self) -> None:
-        """Step now; from any thread."""
+        """Have a step done now; from any thread."""
         self._wake.set()
 
     @property
     def step_time(self) -> float:
-        """Wall seconds the running step has taken so far; 0 between two steps, for sleeping is no hanging."""
+        """Wall seconds that the running step has taken so far; 0 between two steps."""
         began = self._began
         return 0.0 if began is None else time.monotonic() - began
 
     @property
     def hangs_in(self) -> str:
-        """Where the running step is that takes too long, such as "my_layer.py, line 7"; empty while none does."""
+        """Where a step that takes too long is executing, such as "my_layer.py, line 7"; empty while none does."""
         if self.step_time <= STEP_PATIENCE:
             return ""
         frame = sys._current_frames().get(self._thread.ident or 0)
@@ -78,14 +78,14 @@ class Stepper:
 
     @property
     def clock_stands(self) -> bool:
-        """Whether time is simulated and does not go on."""
+        """Whether time is simulated and stands still."""
         return self._simulated and self._watch.stands
 
     @property
     def clock_loss(self) -> str:
-        """How the simulated clock was lost, or empty.
+        """Why simulated time is lost: nobody publishes /clock, or nobody does any more. Else empty.
 
-        A clock that stands is none: a simulation may be paused. One that nobody publishes, or no longer, is.
+        A clock that stands still while it has a publisher is not lost: the simulation may be paused.
         """
         if self._clock is None or self._clock.get_num_connections() > 0:
             return ""
@@ -97,7 +97,7 @@ class Stepper:
         return f"/clock has stood at {rospy.get_time():.2f} s for {silence:.1f} s and nobody publishes it any more"
 
     def stop(self) -> None:
-        """End stepping and wait for the running step."""
+        """End the thread, waiting up to 2 s for the running step."""
         self._stopping = True
         self._wake.set()
         if self._thread.is_alive() and threading.current_thread() is not self._thread:
@@ -113,7 +113,7 @@ class Stepper:
     def _loop(self) -> None:
         while True:
             self._wake.clear()
-            if self._stopping:  # after that, or a stop in between would wake nobody
+            if self._stopping:  # checked after `clear`: a stop in between would be cleared unseen
                 return
             now = rospy.get_time()
             self._last = now

@@ -1,4 +1,4 @@
-"""What /tf tells, read as late as can be: most of it is told anew before anybody asks."""
+"""A tf2 buffer that deserializes /tf only when a transform is asked for: most messages are outdated before that."""
 
 from __future__ import annotations
 
@@ -13,19 +13,19 @@ from mbf_relay.ros.common.tf_core import TransformCore
 
 
 class UnreadTransforms(TFMessage):
-    """A TFMessage that is read where somebody asks for its transforms."""
+    """A TFMessage that is deserialized when its transforms are first read."""
 
     _bytes = b""
     _read: Optional[List[TransformStamped]] = None
 
     def deserialize(self, text: bytes) -> UnreadTransforms:
-        """Keep what came and return the message."""
+        """Keep the bytes and return the message."""
         self._bytes, self._read = text, None
         return self
 
     @property
     def transforms(self) -> List[TransformStamped]:
-        """The transforms; raises genpy.DeserializationError where they cannot be read."""
+        """The transforms; raises genpy.DeserializationError where they cannot be deserialized."""
         if self._read is None:
             self._read = TFMessage().deserialize(self._bytes).transforms if self._bytes else []
         return self._read
@@ -36,11 +36,14 @@ class UnreadTransforms(TFMessage):
 
 
 class AttentiveBuffer(tf2_ros.Buffer):
-    """A tf2 buffer that takes in what has come before it answers.
+    """A tf2 buffer that, before each lookup, reads the messages received since the last one.
+
+    Args:
+        cache_time: Age beyond which transforms of /tf are dropped.
 
     Attributes:
-        attend: Takes it in.
-        known: What has been taken in.
+        attend: Reads them; set by the listener.
+        known: The transforms read so far.
     """
 
     def __init__(self, cache_time: rospy.Duration) -> None:
@@ -59,11 +62,11 @@ class AttentiveBuffer(tf2_ros.Buffer):
         return self.known.core.lookup_transform_core(*arguments)
 
     def set_transform(self, transform: TransformStamped, sender: str) -> None:
-        """Take a relation of /tf."""
+        """Add a transform of /tf."""
         self.known.set_transform(transform, sender)
 
     def set_transform_static(self, transform: TransformStamped, sender: str) -> None:
-        """Take a relation of /tf_static."""
+        """Add a transform of /tf_static."""
         self.known.set_transform_static(transform, sender)
 
     def all_frames_as_yaml(self, *arguments: Any) -> Any:

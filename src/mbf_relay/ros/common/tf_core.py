@@ -1,4 +1,5 @@
-"""tf2's buffer, made anew where it has to forget something: it keeps the last relation of every frame, and its kind."""
+"""tf2's BufferCore, replaced by a new one to forget frames: it cannot forget a frame's parent, nor that it is static.
+"""
 
 from __future__ import annotations
 
@@ -10,27 +11,28 @@ from geometry_msgs.msg import TransformStamped
 
 
 class TransformCore:
-    """The relations of frames, of which those of /tf_static outlive the rest.
+    """A BufferCore that can forget the transforms of /tf while it keeps those of /tf_static.
 
-    A lookup of another thread that is under way goes on in what was there before.
+    A lookup that is under way in another thread meanwhile ends in the old BufferCore.
 
     Args:
-        cache_time: Age (s) beyond which nothing of /tf is kept.
+        cache_time: Age beyond which transforms of /tf are dropped.
 
     Attributes:
-        core: tf2's buffer, for lookups.
+        core: The current BufferCore, for lookups.
     """
 
     def __init__(self, cache_time: rospy.Duration) -> None:
         self._cache_time = cache_time
-        self._fixed: Dict[str, Tuple[TransformStamped, str]] = {}  # with who sent it, by child
-        self._told: Dict[str, rospy.Time] = {}  # the time of the last relation of /tf, by child
+        self._fixed: Dict[str, Tuple[TransformStamped, str]] = {}  # static transform and its sender, by child frame
+        self._told: Dict[str, rospy.Time] = {}  # stamp of the last transform of /tf, by child frame
         self.core = tf2_py.BufferCore(cache_time)
 
     def set_transform(self, transform: TransformStamped, sender: str) -> None:
-        """Take a relation of /tf; one of a time that is known changes nothing.
+        """Add a transform of /tf; one with the same stamp as the last of its frame is ignored.
 
-        tf2 would say so for each, past the log, and hold the whole process where the terminal takes no lines.
+        tf2 ignores it, too, but prints TF_REPEATED_DATA to stderr each time, which blocks the process where the
+        terminal blocks.
         """
         stamp = transform.header.stamp
         if self._told.get(transform.child_frame_id) != stamp:
@@ -38,12 +40,12 @@ class TransformCore:
             self.core.set_transform(transform, sender)
 
     def set_transform_static(self, transform: TransformStamped, sender: str) -> None:
-        """Take a relation of /tf_static."""
+        """Add a transform of /tf_static."""
         self._fixed[transform.child_frame_id.lstrip("/")] = transform, sender
         self.core.set_transform_static(transform, sender)
 
     def forget(self, children: Iterable[str] = ()) -> None:
-        """Forget what /tf told, and what /tf_static told of some frames."""
+        """Forget all transforms of /tf, and those of /tf_static of the given child frames."""
         for child in children:
             self._fixed.pop(child.lstrip("/"), None)
         self._told.clear()
@@ -53,6 +55,6 @@ class TransformCore:
         self.core = core
 
     def fixed(self, child: str) -> Optional[TransformStamped]:
-        """Return what /tf_static told of a frame, None where it told nothing."""
+        """Return the static transform of a child frame, None where it has none."""
         found = self._fixed.get(child.lstrip("/"))
         return None if found is None else found[0]

@@ -1,4 +1,4 @@
-"""Warnings of trouble that lasts: neither of hiccups, nor of what is only still starting."""
+"""Warnings of trouble that lasts, and not of what is over within a second or belongs to the start of the graph."""
 
 from __future__ import annotations
 
@@ -8,22 +8,22 @@ from typing import Callable, Optional
 import rospy
 
 START_PATIENCE = 15.0
-"""Wall seconds in which a graph may come up before what is missing is worth a warning."""
+"""Wall seconds in which all nodes should have started; missing data is no warning before."""
 HICCUP = 1.0
-"""Wall seconds of trouble that a busy machine may give without anything being wrong."""
+"""Wall seconds for which trouble must last before there is a warning; a busy machine causes shorter ones."""
 PERIOD = 5.0
-"""Wall seconds between two warnings of one kind."""
+"""Wall seconds between two warnings."""
 
 
 class ThrottledWarnings:
-    """Warns of one kind of trouble, at most once in a while.
+    """Warns of one kind of trouble, at most once in PERIOD.
 
-    Trouble that is over within a second, or that is there only until the thing has worked for the first time and no
-    longer than a graph needs to come up, is told at debug level alone.
+    Trouble shorter than HICCUP is logged at debug level, and so is all trouble within START_PATIENCE of the start,
+    until things have worked for the first time.
 
     Args:
-        clock: The wall clock, for tests.
-        warn: Where warnings go, for tests.
+        clock: Gives wall time (s).
+        warn: Takes a format and its argument.
     """
 
     def __init__(
@@ -35,12 +35,12 @@ class ThrottledWarnings:
         self._next = -float("inf")
 
     def worked(self) -> None:
-        """Note that the thing works; call it as often as it does."""
+        """Note that there is no trouble; call it each time things work."""
         self._quiet_until = -float("inf")
         self._since = None
 
     def say(self, text: str) -> None:
-        """Tell of trouble; call it as often as there is any."""
+        """Report trouble; call it each time it occurs."""
         now = self._clock()
         self._since = now if self._since is None else self._since
         if now < self._quiet_until or now - self._since < HICCUP or now < self._next:

@@ -1,4 +1,5 @@
-"""Frames: tf lookups as planar poses, with errors that name the stale frame and its age."""
+"""tf: a listener that validates transforms, lookups as planar poses with errors that name frames and age, a publisher.
+"""
 
 from __future__ import annotations
 
@@ -31,32 +32,33 @@ from mbf_relay.ros.common.tf_buffer import AttentiveBuffer, UnreadTransforms
 from mbf_relay.ros.common.throttled_warnings import ThrottledWarnings
 
 MOST_PENDING = 50
-"""Messages of /tf that wait to be read until somebody asks for a transform: about a second's."""
+"""Messages of /tf that may wait to be deserialized: about a second's."""
 CONTENTION_PERIOD = 10.0
-"""Seconds between two warnings that more than one node tells of a frame."""
+"""Seconds between two warnings that more than one node publishes a frame."""
 MOST_TROUBLES = 64
-"""Frames whose refused transforms are warned of each by itself; a flood of names is warned of as one."""
+"""Frames with a warning of their own; refused transforms of further ones share one, lest a flood of names fill memory.
+"""
 
 
 class CheckedListener:
-    """A tf listener that hands tf2 only what it survives: its C++ core ends the process on stamps near 2^32.
+    """A tf listener that passes only valid transforms to tf2, whose C++ core aborts the process on stamps near 2^32.
 
-    What is ahead of the clock is refused too, or it would stay the newest relation until the clock has caught up.
-    Most of what comes is asked for by nobody before the next comes, so it is read in one go when somebody asks: one by
-    one takes ten times as long.
+    Stamps ahead of the clock are refused, too: such a transform would stay the newest until the clock has caught up.
+    Messages of /tf are kept as bytes and deserialized all together when a transform is asked for; one by one they take
+    ten times as long.
 
     Args:
-        buffer: Takes the transforms.
-        cache_time: Age (s) beyond which the buffer keeps nothing.
-        changed: Called after each message that was taken.
+        buffer: Gets the transforms.
+        cache_time: Age (s) beyond which transforms of /tf are dropped.
+        changed: Called after each message received.
     """
 
     def __init__(self, buffer: AttentiveBuffer, cache_time: float, changed: Callable[[], None]) -> None:
         self._buffer, self._cache_time, self._changed = buffer, cache_time, changed
         self._tree = FrameTree(self._is_there)
-        self._trouble: Dict[str, ThrottledWarnings] = {}  # by child frame; a busy machine's hiccup is worth no warning
-        self._refused: Dict[str, str] = {}  # why nothing is taken of a frame, by its name, while that is so
-        self._lock = threading.Lock()  # one takes or reads at a time, in the order of coming
+        self._trouble: Dict[str, ThrottledWarnings] = {}  # by child frame
+        self._refused: Dict[str, str] = {}  # why the last transform of a frame was refused, by child frame
+        self._lock = threading.Lock()  # guards all below and the buffer's writing; messages are read in their order
         self._pending: Deque[Tuple[Any, float]] = deque()
         self._heard_at = rospy.get_time()
         buffer.attend = self.attend
@@ -69,24 +71,24 @@ class CheckedListener:
         return rospy.Subscriber(topic, UnreadTransforms, take, buff_size=1 << 20, tcp_nodelay=True)
 
     def listen(self) -> None:
-        """Listen to /tf, where it does not."""
+        """Subscribe to /tf, unless it is."""
         if self._moving is None:
             self._moving = self._subscribe("/tf", self.take)
 
     def rest(self) -> None:
-        """Listen to /tf_static alone."""
+        """Unsubscribe from /tf; /tf_static goes on."""
         if self._moving is not None:
             self._moving.unregister()
             self._moving = None
 
     def close(self) -> None:
-        """Stop listening."""
+        """Unsubscribe from both topics."""
         self.rest()
         if self._static is not None:
             self._static.unregister()
 
     def take(self, message: Any) -> None:
-        """Take a message of /tf."""
+        """Receive a message of /tf."""
         with self._lock:
             self._pending.append((message, self._look_at_clock()))
             if len(self._pending) > MOST_PENDING:
@@ -94,33 +96,37 @@ class CheckedListener:
         self._changed()
 
     def take_static(self, message: Any) -> None:
-        """Take a message of /tf_static, whose stamps say nothing."""
+        """Receive a message of /tf_static, whose stamps are ignored."""
         with self._lock:
             self._read(message, self._look_at_clock(), None)
         self._changed()
 
     def frames_above(self, base: str, frame: str) -> Dict[str, bool]:
-        """Return what FrameTree.above does, of all that has come."""
+        """Return FrameTree.above of all transforms received."""
         with self._lock:
             self._read_pending()
             return self._tree.above(base, frame)
 
     def refusal(self, *frames: str) -> str:
-        """Return what to add where no way between two frames is known: nothing, or what was refused on that way."""
+        """Return what to add to a lookup's error: which transform on the way between the frames was refused, or empty.
+        """
         with self._lock:
             on_the_way = [name for frame in frames for name in (frame.lstrip("/"), *self._tree.line(frame))]
             name = next((name for name in on_the_way if name in self._refused), None)
             return "" if name is None else f"; the transform of '{shown(name)}' was refused: {self._refused[name]}"
 
     def came_at(self, *frames: str) -> float:
-        """Return when (s) the last word on /tf came of what moves between two frames, of several the earliest."""
+        """Return the ROS time (s) at which the chain between two frames was last received on /tf.
+
+        Of its transforms that are not static the one received longest ago counts; -inf where all are static.
+        """
         with self._lock:
             lines = [set(self._tree.line(frame).values()) for frame in frames]
             between = lines[0].symmetric_difference(*lines[1:])
             return min((one.heard_at for one in between if not one.is_fixed), default=-math.inf)
 
     def attend(self) -> None:
-        """Read what has come."""
+        """Read the messages of /tf that wait."""
         if not self._pending:
             return
         with self._lock:
@@ -131,9 +137,10 @@ class CheckedListener:
             self._read(*self._pending.popleft(), self._cache_time)
 
     def _look_at_clock(self) -> float:
-        """Return ROS time (s); where it was set back, what came before belongs to a world that is over.
+        """Return ROS time (s); where it was set back, as by a simulation's reset, forget all transforms of /tf.
 
-        With the lock held: of two threads that look outside of it, the one that goes on last would find time set back.
+        Call with the lock held: of two threads that read the time outside of it, the second to enter could have the
+        earlier time and would take that for a reset.
         """
         now: float = rospy.get_time()
         if now < self._heard_at:
@@ -190,7 +197,7 @@ class CheckedListener:
         return is_fixed if topic is None else sender in connected_nodes(topic)
 
     def _tell_of_move(self, message: TransformStamped, sender: str) -> None:
-        """Tell where what is said never to move has moved: whatever is seen from there is elsewhere from now on."""
+        """Warn where a new static transform differs from the one before: all data in that frame are moved by it."""
         known = self._buffer.known.fixed(message.child_frame_id)
         if known is not None and not _is_alike(known, message):
             before, after = transform_from_message(known.transform), transform_from_message(message.transform)
@@ -204,16 +211,16 @@ class CheckedListener:
 
 
 def _is_alike(one: TransformStamped, other: TransformStamped) -> bool:
-    """Return whether two relations of one frame are the same, whatever their stamps."""
+    """Return whether two transforms of one child frame are equal but for their stamps."""
     same_parent = one.header.frame_id.lstrip("/") == other.header.frame_id.lstrip("/")
     return same_parent and bool(one.transform == other.transform)
 
 
 class Transforms:
-    """A tf buffer that gives planar poses.
+    """A tf buffer and listener whose lookups give planar poses.
 
     Args:
-        cache_time: Age (s) beyond which it keeps nothing.
+        cache_time: Age (s) beyond which transforms of /tf are dropped.
         changed: Called after each message of /tf and /tf_static, in the subscriber's thread.
     """
 
@@ -224,18 +231,18 @@ class Transforms:
         self.listen()
 
     def listen(self) -> None:
-        """Listen, where it does not."""
+        """Subscribe to /tf and /tf_static, unless it is."""
         if self._listener is None:
             self._listener = CheckedListener(self.buffer, self._cache_time, self._changed)
         self._listener.listen()
 
     def rest(self) -> None:
-        """Listen to /tf_static alone, for whoever needs nothing that moves for now."""
+        """Unsubscribe from /tf while no moving transform is needed; /tf_static goes on."""
         if self._listener is not None:
             self._listener.rest()
 
     def close(self) -> None:
-        """Stop listening; what is known stays."""
+        """Unsubscribe from both topics; the buffer stays as it is."""
         if self._listener is not None:
             self._listener.close()
             self._listener = None
@@ -244,17 +251,17 @@ class Transforms:
         self, target_frame: str, source_frame: str, stamp: Optional[float] = None, timeout: float = 0.0,
         max_age: Optional[float] = None, named: str = "",
     ) -> Pose2D:
-        """Return the transform that takes poses in `source_frame` to `target_frame`.
+        """Return the pose of `source_frame` in `target_frame`, which takes coordinates from the former to the latter.
 
         Args:
             target_frame, source_frame: Frame names, with or without a leading slash.
-            stamp: Time (s) to look at; the newest where None.
-            timeout: Time (s) to wait for it; call with 0 from callbacks.
-            max_age: Age (s) beyond which the newest relation is refused; no limit where None.
-            named: The parameter that says so, for the text.
+            stamp: ROS time (s) of the transform; the newest where None.
+            timeout: Time (s) to wait for it; 0 in callbacks.
+            max_age: Largest age (s) of a transform that is not static; no limit where None.
+            named: Name of the parameter that sets max_age, for the error.
 
         Raises:
-            TransformError: Naming the frames, and the age of the relation where it is too old.
+            TransformError: There is no such transform, or it is too old; the text names frames and age.
         """
         found = self.lookup_message(target_frame, source_frame, stamp, timeout, max_age, named)
         return transform_from_message(found.transform)
@@ -263,11 +270,11 @@ class Transforms:
         self, target_frame: str, source_frame: str, stamp: Optional[float] = None, timeout: float = 0.0,
         max_age: Optional[float] = None, named: str = "",
     ) -> TransformStamped:
-        """Return the transform as a message, for whoever needs all three dimensions; arguments as for `lookup`."""
+        """Return the transform as a message, in three dimensions; arguments and errors as for `lookup`."""
         time = _tf2_time(stamp)
         frames = _tf2_frames(target_frame, source_frame)
         try:
-            if timeout > 0.0:  # else the look whether it is there would be one more, forty times a second
+            if timeout > 0.0:  # without a timeout the lookup alone does
                 self.buffer.can_transform(*frames, time, rospy.Duration(timeout))
             message = self.buffer.lookup_transform_core(*frames, time)
         except tf2_ros.TransformException as error:
@@ -286,18 +293,18 @@ class Transforms:
         return message
 
     def frames_above(self, base: str, frame: str) -> Dict[str, bool]:
-        """Return what FrameTree.above does, of what was heard since listening began."""
+        """Return FrameTree.above of all transforms received since it listens."""
         return {} if self._listener is None else self._listener.frames_above(base, frame)
 
     def rides_on(self, base: str, frame: str) -> bool:
-        """Return whether a sensor in `frame` moves with the robot that has `base`.
+        """Return whether a sensor in `frame` is mounted on the robot with the base frame `base`.
 
-        It does not where what /tf moves lies between the robot and what both hang on: map, odom, or a place in them.
+        It is not where the chain from `base` up to the nearest common ancestor (as map or odom) has a moving transform.
         """
         return all(self.frames_above(base, frame).values())
 
     def can_transform(self, target_frame: str, source_frame: str, stamp: Optional[float] = None) -> bool:
-        """Return whether the relation is known at `stamp` (s), or at all where None."""
+        """Return whether there is a transform at `stamp` (s), or at any time where None."""
         try:
             return bool(self.buffer.can_transform(
                 *_tf2_frames(target_frame, source_frame), _tf2_time(stamp), rospy.Duration(0)))
@@ -306,7 +313,7 @@ class Transforms:
 
 
 def _tf2_frames(target: str, source: str) -> Tuple[str, str]:
-    """Return the names of two frames as tf2 takes them."""
+    """Return two valid frame names without leading slashes; raise TransformError for an invalid one."""
     try:
         check_frames(target, source)
     except InvalidMessage as error:
@@ -315,7 +322,7 @@ def _tf2_frames(target: str, source: str) -> Tuple[str, str]:
 
 
 def _tf2_time(stamp: Optional[float]) -> rospy.Time:
-    """Return a time (s), the newest where None, as tf2 survives it."""
+    """Return a time (s) as rospy.Time, 0 for the newest where None; raise TransformError where tf2 would abort."""
     if stamp is None:
         return rospy.Time(0)
     if not 0.0 <= stamp < TF2_END:
@@ -324,7 +331,7 @@ def _tf2_time(stamp: Optional[float]) -> rospy.Time:
 
 
 class TransformPublisher:
-    """Sends planar transforms on /tf; one per process, whatever threads use it."""
+    """Publishes transforms on /tf; one per process, usable from any thread."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
@@ -335,6 +342,6 @@ class TransformPublisher:
         self.send_messages([TransformStamped(header(parent, stamp), child, transform_to_message(child_in_parent))])
 
     def send_messages(self, messages: List[TransformStamped]) -> None:
-        """Publish ready messages in one."""
+        """Publish several transforms in one message."""
         with self._lock:
             self._publisher.publish(TFMessage(messages))

@@ -1,4 +1,4 @@
-"""Messages that are received as bytes: of many that come only few are ever looked at, and some are just passed on."""
+"""Messages that are received as bytes and deserialized on demand: of most topics few messages are ever read."""
 
 from __future__ import annotations
 
@@ -6,13 +6,16 @@ from typing import Any
 
 
 def unread(message: Any) -> Any:
-    """Return a class that is received and sent as `message` is and keeps its bytes; `read` makes the message of it."""
+    """Return a subclass of a message class for subscribers and publishers that keeps the serialized bytes.
+
+    Its attribute `bytes` has them; its method `read` deserializes them.
+    """
 
     class Unread(message):
-        """Bytes under the name of their type."""
+        """A message of that type as bytes."""
 
         __slots__ = ["bytes"]
-        _has_header = False  # rospy would number it, in a field it does not have
+        _has_header = False  # else rospy, when it publishes, would write header.seq, which this class lacks
 
         def __init__(self, *_args: Any, **_fields: Any) -> None:
             self.bytes = b""
@@ -27,7 +30,7 @@ def unread(message: Any) -> Any:
             return self
 
         def read(self) -> Any:
-            """Return the message; raise rospy's or genpy's error where the bytes are none."""
+            """Return the message; raise genpy.DeserializationError where the bytes are invalid."""
             return message().deserialize(self.bytes)
 
     return Unread
