@@ -1,19 +1,19 @@
-"""The whole stack in one process on one clock, without ROS: one seed gives one drive, as fast as the processor goes.
+"""The whole stack in one process on one simulated clock, without ROS: reproducible by its seed, as fast as possible.
 
     from mbf_relay.lockstep import Episode, circle, config_folder, make_setup
 
     result = Episode(circle(), make_setup(config_folder()), seed=1).run()
 
-The names are loaded when they are first asked for, so that results can be read without physics.
+The names are imported on first use, so that results can be read without the physics engine.
 """
 
 import os
 from importlib import import_module
 from typing import Any
 
-# Before NumPy is imported: OpenBLAS's threads spin between small matrices, and add up in an order of their own.
+# Before NumPy is imported: OpenBLAS' threads waste time on small matrices, and sum in an order that varies.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-_HOMES = {
+_HOMES = {  # module of each name
     "Episode": "episode", "EpisodeResult": "result", "Task": "tasks", "circle": "tasks", "load_tasks": "tasks",
     "make_setup": "setup", "config_folder": "settings",
 }

@@ -26,8 +26,8 @@ from mbf_relay.simulation.robot_file import robot_text
 def main(arguments: Optional[Sequence[str]] = None, clock: Callable[[], float] = time.perf_counter) -> int:
     """Run the command; return its exit status.
 
-    It is 0 where everything was driven, however that went, 1 for what a user can mend and where less than --require
-    succeeded, 130 when interrupted.
+    It is 0 where all episodes have a result, good or bad, 1 for an error of the user's or the cluster's and where a
+    smaller share than --require succeeded, 130 when interrupted.
     """
     options = _parse(without_remappings(sys.argv[1:] if arguments is None else arguments))
     try:
@@ -53,7 +53,8 @@ def main(arguments: Optional[Sequence[str]] = None, clock: Callable[[], float] =
 
 
 def settings_of(worlds: str, tasks: Sequence[EpisodeTask], setup: Setup) -> Dict[str, Any]:
-    """Return what makes two results comparable with each other: everything but seeds and where the work was done."""
+    """Return all that results of one batch must have in common: worlds, parameters, robot, code; not seeds or machine.
+    """
     digests = {task.name: task.digest()[:16] for task in tasks}
     digest = hashlib.sha256("\n".join(digests.values()).encode()).hexdigest()[:16]
     code = sources(plugins_of(setup))
@@ -67,7 +68,7 @@ def settings_of(worlds: str, tasks: Sequence[EpisodeTask], setup: Setup) -> Dict
 
 
 def _robot_digest(setup: Setup) -> str:
-    """Return a hash over what the robot's file says, and over its solids, whose meshes lie in files of their own."""
+    """Return a hash over the robot's file and the shapes of its bodies, as these may come from mesh files."""
     known = hashlib.sha256(robot_text(named_robot(setup.settings)).encode())
     for part in setup.robot.body if setup.robot is not None else ():
         known.update(part.shape.triangles().tobytes())
@@ -77,7 +78,7 @@ def _robot_digest(setup: Setup) -> str:
 def _drive(
     results: ResultsFile, jobs: Sequence[EpisodeJob], options: argparse.Namespace, clock: Callable[[], float]
 ) -> int:
-    """Drive what has no result yet; write each result as it comes."""
+    """Drive the episodes that have no result yet, and write each result; return the command's exit status."""
     for warning in results.warnings:
         print(f"batch.py: {warning}", file=sys.stderr)
     done = results.done - (results.failed if options.retry_failed else set())
@@ -106,7 +107,7 @@ def _drive(
 
 
 def _check_share(results: Sequence[EpisodeResult], jobs: Sequence[EpisodeJob], required: float) -> None:
-    """Raise ValueError where less than the required share of what was asked for succeeded."""
+    """Raise ValueError where less than the required share of the episodes succeeded."""
     asked = {(job.task.name, job.seed) for job in jobs}
     succeeded = sum(result.success for result in results if (result.world, result.seed) in asked)
     if succeeded < required * len(asked) - 1e-9:
@@ -118,7 +119,7 @@ def _so_far(results: Sequence[EpisodeResult]) -> str:
 
 
 def _chosen(tasks: Sequence[EpisodeTask], names: Optional[Sequence[str]]) -> List[EpisodeTask]:
-    """Return the tasks of these names, all where none are given."""
+    """Return the tasks of the given names, or all where none is given; raise ValueError for an unknown name."""
     if not names:
         return list(tasks)
     missing = sorted(set(names) - {task.name for task in tasks})

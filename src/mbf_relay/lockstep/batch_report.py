@@ -1,4 +1,4 @@
-"""What a batch leaves: a summary as text and JSON, and pictures."""
+"""The output of a batch: a summary as text and JSON, tables and pictures."""
 
 from __future__ import annotations
 
@@ -21,23 +21,23 @@ if TYPE_CHECKING:
     from mbf_relay.lockstep import pictures
 
 TILES = 40
-"""Tiles of the contact sheet that are drawn in one go."""
+"""Tiles of the contact sheet that are one piece of work."""
 WORTH_A_PROCESS = 8
-"""Pieces of drawing for which another process is started."""
+"""Pieces of work per process that draws."""
 
 
 def leave(
     folder: Path, results: Sequence[EpisodeResult], tasks: Sequence[EpisodeTask], processes: int,
     trajectories: bool = False,
 ) -> None:
-    """Write summary, tables and pictures, and tell the summary.
+    """Write summary, tables and pictures, and print the summary.
 
     Args:
-        folder: Where they go.
-        results: In any order; of none, nothing is left.
-        tasks: Of the worlds; what has no task is not drawn.
-        processes: That draw.
-        trajectories: Also leave a file of each drive.
+        folder: Where to write.
+        results: In any order; where there are none, nothing is written.
+        tasks: Tasks of the worlds; results without a task have no picture.
+        processes: Number of processes for drawing.
+        trajectories: Also write a file of each drive's trajectory.
     """
     done = sorted(results, key=lambda result: (result.world, result.seed))
     if not done:
@@ -52,14 +52,14 @@ def leave(
         if lost:
             print(f"pictures are missing, as {len(lost)} could not be drawn: {lost[0]}", file=sys.stderr)
             made = "results, summary and what could be drawn"
-    except ValueError as error:  # of the cluster, as where the package's files were edited meanwhile
+    except ValueError as error:  # a ClusterError, as where the package's files were edited meanwhile
         print(f"no pictures: {error}", file=sys.stderr)
         made = "results and summary"
     say(f"{made} are in {folder}")
 
 
 def draw(folder: Path, shown: Sequence[pictures.Shown], processes: int) -> List[str]:
-    """Draw the contact sheet and a picture of each failure; return why of each piece of that which was lost."""
+    """Draw the contact sheet and a picture of each failure; return the error of each piece that could not be drawn."""
     from mbf_relay.lockstep import pictures  # drives do not need Pillow
 
     failures = [[pair] for pair in shown if not pair[1].success and pair[1].outcome != ERROR]
@@ -84,7 +84,7 @@ def draw(folder: Path, shown: Sequence[pictures.Shown], processes: int) -> List[
 
 
 def as_text(results: Sequence[EpisodeResult]) -> str:
-    """Return the summary as a table, and every failure with its reason."""
+    """Return the summary as a table, and a line for each failure with its reason."""
     lines = [f"{len(results)} episodes; means with 95 % intervals"]
     summary = summarize(results)
     for measure in MEASURES:

@@ -1,4 +1,4 @@
-"""How near a drive came to what stands in its world."""
+"""Clearance of a drive: distances between the robot's hull and everything in the world, and time to collision."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ from mbf_relay.simulation.shapes import cut
 from mbf_relay.simulation.world import Mover, World
 
 CLOSING = 0.01
-"""Metres per second below which two do not close in on each other: what the samples of a standing robot differ by."""
+"""Closing speed (m/s) below which two bodies do not approach; the samples of a standing robot vary by less."""
 
 
 class Clearances(NamedTuple):
-    """Distances (m) between the robot's outline and what is nearest to it, at each time; infinite where nothing is.
+    """Distances (m) between the robot's outline and the nearest body at each time; infinite in an empty world.
 
     Attributes:
-        to_any: To anything, shape (N,).
-        to_movers: To what follows waypoints, shape (M, N), a row each.
+        to_any: To the nearest of all bodies, shape (N,).
+        to_movers: To each mover, shape (M, N).
     """
 
     to_any: np.ndarray
@@ -30,18 +30,18 @@ class Clearances(NamedTuple):
 
 
 def clearances(world: World, times: np.ndarray, poses: np.ndarray, robot: RobotModel) -> Clearances:
-    """Return how near a robot came.
+    """Return the robot's clearances along a trajectory.
 
     Args:
-        world: What stands and moves.
-        times: Seconds since the world's start, shape (N,).
-        poses: The robot, shape (N, 3) as x, y, theta in metres and radians.
-        robot: Whose outline counts; the world is looked at at half its height.
+        world: The world with its movers.
+        times: Seconds since the movers' start, shape (N,).
+        poses: Poses of the robot in the world's frame, shape (N, 3) as x, y, theta in metres and radians.
+        robot: The robot; bodies are cut at half its height, and its outline seen from above counts.
     """
     height, hull = robot.height / 2.0, np.ascontiguousarray(robot.outline)
     poses = np.ascontiguousarray(poses, dtype=float)
     to_fixed = np.full(len(poses), math.inf)
-    fixed = np.array(world.outline(height)).reshape(-1, 4)  # kernels take what may be written alone
+    fixed = np.array(world.outline(height)).reshape(-1, 4)  # a copy: kernels accept writable arrays only
     hull_clearances(poses, hull, fixed, to_fixed)
     to_movers = np.full((len(world.movers), len(poses)), math.inf)
     for row, mover in zip(to_movers, world.movers):
@@ -50,15 +50,15 @@ def clearances(world: World, times: np.ndarray, poses: np.ndarray, robot: RobotM
 
 
 def smallest(distances: np.ndarray) -> Optional[float]:
-    """Return the least of some distances (m), None where nothing was near."""
+    """Return the smallest of some values, None where none is finite."""
     least = float(distances.min(initial=math.inf))
     return least if math.isfinite(least) else None
 
 
 def smallest_time_to_collision(times: np.ndarray, distances: np.ndarray) -> Optional[float]:
-    """Return the least time (s) in which robot and any mover would have met had they gone on closing in as they did.
+    """Return the smallest time to collision (s) with any mover, at the closing speed between samples.
 
-    None where they never closed in.
+    None where the robot and a mover never approached each other.
 
     Source: Hayward, "Near-miss determination through use of a scale of danger" (1972).
 
@@ -84,13 +84,13 @@ def smallest_clearance(world: World, times: np.ndarray, poses: np.ndarray, robot
 def _clearances_to(
     mover: Mover, times: np.ndarray, poses: np.ndarray, hull: np.ndarray, height: float
 ) -> np.ndarray:
-    """Return the distance (m) to a mover at each time, shape (N,): the robot is looked at from the mover.
+    """Return the distance (m) to a mover at each time, shape (N,), with the robot's poses taken to the mover's frame.
 
     Args:
-        mover: That one.
-        times, poses: Of the robot, as above.
-        hull: Its outline, shape (K, 2) in metres.
-        height: Of the cut (m).
+        mover: The mover.
+        times, poses: The robot's trajectory, as for `clearances`.
+        hull: The robot's outline, shape (K, 2) in metres, base frame.
+        height: Height (m) at which the mover is cut.
     """
     upright = Frame.from_pose(mover.frame_at(0.0).flat()).inverse().compose(mover.frame_at(0.0))
     outline = cut(upright.transform_points(mover.body.shape.triangles()), height)[0].reshape(-1, 4)

@@ -1,5 +1,5 @@
 # mypy: allow-untyped-defs, allow-untyped-calls
-"""Distances between the robot's hull and what stands around it."""
+"""Kernels for distances between the robot's hull and line segments."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def squared_to_segment(px: float, py: float, ax: float, ay: float, bx: float, by
 
 @kernel("boolean(float64, float64, float64, float64, float64, float64, float64, float64)")
 def cross(ax: float, ay: float, bx: float, by: float, cx: float, cy: float, dx: float, dy: float) -> bool:
-    """Return whether the segments a-b and c-d cross in their inside."""
+    """Return whether the segments a-b and c-d intersect, other than at an end."""
     one = (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
     two = (bx - ax) * (dy - ay) - (by - ay) * (dx - ax)
     three = (dx - cx) * (ay - cy) - (dy - cy) * (ax - cx)
@@ -46,7 +46,7 @@ def hull_clearances(poses: np.ndarray, hull: np.ndarray, segments: np.ndarray, c
     radius = 0.0
     for k in range(len(hull)):
         radius = max(radius, math.hypot(hull[k, 0], hull[k, 1]))
-    middles = np.empty((len(segments), 3))  # and how far, a hair more, a segment goes from there
+    middles = np.empty((len(segments), 3))  # bounding circle of each segment: centre x, y and radius, a bit enlarged
     for m in range(len(segments)):
         ax, ay, bx, by = segments[m, 0], segments[m, 1], segments[m, 2], segments[m, 3]
         middles[m, 0], middles[m, 1] = 0.5 * (ax + bx), 0.5 * (ay + by)
@@ -60,12 +60,12 @@ def hull_clearances(poses: np.ndarray, hull: np.ndarray, segments: np.ndarray, c
             corners[k, 1] = y + sin * hull[k, 0] + cos * hull[k, 1]
         least = clearances[n]
         for place in range(-1, len(segments)):
-            m = nearest if place < 0 else place  # first what was nearest to the pose before: little else is nearer
+            m = nearest if place < 0 else place  # first the segment nearest to the pose before; it bounds the search
             if m < 0:
                 continue
             reach = least + radius
             dx, dy, far = middles[m, 0] - x, middles[m, 1] - y, reach + middles[m, 2]
-            if dx * dx + dy * dy > far * far:  # most of them, without a division
+            if dx * dx + dy * dy > far * far:  # a cheap test that skips most segments
                 continue
             ax, ay, bx, by = segments[m, 0], segments[m, 1], segments[m, 2], segments[m, 3]
             if squared_to_segment(x, y, ax, ay, bx, by) >= reach * reach:

@@ -1,10 +1,9 @@
-"""Work on a Dask cluster: one on this machine, or one that somebody already has.
+"""Running work on a Dask cluster: a local one, or an existing one by its scheduler's address.
 
-Dask carries pieces of work to the workers they are meant for, and finds workers that died or stopped. Which worker gets
-which piece is decided here: what is known to be at a worker that is gone is sent to another, and no piece depends on
-what Dask makes of it. A worker is a thread that watches a process of its own (see `driver`), so that what crashes or
-hangs costs one result and no worker, on a cluster of anybody's making. Here and there workers must have the client's
-sources, or they get no work.
+Dask transports pieces of work and notices workers that are gone. Which worker gets which piece is decided here, so that
+the pieces of a lost worker are known and sent again. Each worker thread runs its work in a process of its own (see
+`driver`): a crash or a hang costs one result and no worker, also on a cluster that others set up. Workers must have the
+same sources as the client; others get no work.
 """
 
 from __future__ import annotations
@@ -28,31 +27,32 @@ from mbf_relay.lockstep.sources import Sources
 Argument = TypeVar("Argument")
 
 CONNECTING = 10.0
-"""Seconds a scheduler may take to answer, or it is said that it does not."""
+"""Seconds a scheduler may take to answer; after that there is a warning, or, at the start, an error."""
 GATHERING = 20.0
-"""Seconds for a result that is there to arrive; its worker may die on the way, and Dask would wait for ever."""
+"""Seconds for fetching a finished result; if its worker dies meanwhile, Dask would wait for ever."""
 LOOK = 1.0
-"""Seconds between two looks at which workers there are."""
+"""Seconds between two queries of the list of workers."""
 AHEAD = 2
-"""Pieces of work sent per thread: one in work, one that waits there already."""
+"""Pieces of work sent per worker thread: one that runs and one that waits there."""
 MOST_TRIES = 5
-"""How often work is sent again that came to a worker of other sources, or to one that was lost."""
+"""How often a piece of work is sent again after its worker was lost or had other sources."""
 GONE = "its worker was lost, again and again"
-"""What is said of work that was sent again too often because of that."""
+"""The error of a piece of work whose workers were lost more often than that."""
 SETTINGS = {
-    "distributed.worker.profile.interval": "1h",  # it would look at our threads a hundred times a second
+    "distributed.worker.profile.interval": "1h",  # Dask's profiler samples all threads a hundred times a second
     "distributed.worker.profile.cycle": "1h",
-    "distributed.admin.tick.limit": "1h",  # a busy machine is no news
-    "distributed.admin.tick.interval": "1h",  # to find that out, each loop would wake fifty times a second
+    "distributed.admin.tick.limit": "1h",  # no warnings that the event loop was unresponsive
+    "distributed.admin.tick.interval": "1h",  # for those each event loop wakes fifty times a second
 }
+"""Dask's configuration while a cluster is in use."""
 
 
 class ClusterError(ValueError):
-    """There is no cluster to work on; the text says why, in one line."""
+    """There is no usable cluster; the text says why, in one line."""
 
 
 class _Piece(NamedTuple):
-    """A piece of work, how often it was sent already, and the worker it is at."""
+    """A piece of work, how often it was sent again, and the address of the worker that has it."""
 
     argument: Any
     tries: int = 0
@@ -60,25 +60,25 @@ class _Piece(NamedTuple):
 
 
 class DaskCluster:
-    """A Dask client, and which of its workers are fit for our work."""
+    """Runs pieces of work (see Workers) on those workers of a Dask client that have the right sources."""
 
     def __init__(
         self, client: Any, expected: Sources, warn: Callable[[str], None],
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
-        """Take a client.
+        """Take over a client.
 
         Args:
-            client: Of dask.distributed, connected.
+            client: A connected dask.distributed.Client.
             expected: The sources that workers must have.
-            warn: Takes a line for people.
-            clock: Tells the time (s).
+            warn: Called with each line for the user.
+            clock: Gives the time (s).
         """
         self._client, self._expected, self._warn, self._clock = client, expected, warn, clock
-        self._ended: queue.Queue = queue.Queue()
-        self._fit: Dict[str, bool] = {}
-        self._asked: Dict[Any, str] = {}
-        self._threads: Dict[str, int] = {}
+        self._ended: queue.Queue = queue.Queue()  # futures that have finished
+        self._fit: Dict[str, bool] = {}  # whether a worker has the right sources, by address
+        self._asked: Dict[Any, str] = {}  # address of the worker that is asked for its sources, by future
+        self._threads: Dict[str, int] = {}  # number of threads of each worker, by address
         self._time_limit = 0.0
         self._looked = float("-inf")
         self._look_under_way: Optional[concurrent.futures.Future] = None
@@ -87,10 +87,10 @@ class DaskCluster:
     def run(
         self, call: Callable[[Argument], Any], arguments: Sequence[Argument], time_limit: float
     ) -> Iterator[Tuple[Argument, Any]]:
-        """Yield each argument and what came of it; see Workers.
+        """Yield each argument with its result; see Workers.
 
         Raises:
-            ClusterError: The scheduler is gone, or no worker is fit.
+            ClusterError: The scheduler is gone, or no worker has the right sources.
         """
         self._time_limit = time_limit
         waiting: Deque[_Piece] = deque(_Piece(argument) for argument in arguments)
@@ -109,14 +109,14 @@ class DaskCluster:
                         yield piece.argument, Lost(str(value)) if isinstance(value, _Unfit) else value
         finally:
             for future in flying:
-                future.release()  # of which a scheduler that hangs need not know
+                future.release()  # does not wait for the scheduler, which may hang
 
     def _send_all(self, call: Callable, waiting: Deque[_Piece], flying: Dict[Any, _Piece]) -> None:
-        """Send work to fit workers, as long as they have room for it."""
+        """Send work to usable workers, up to AHEAD pieces per thread."""
         threads = {address: count for address, count in self._threads.items() if self._fit.get(address)}
         held = Counter(piece.worker for piece in flying.values())
         while waiting and threads:
-            # In the end no piece is to wait at one worker while another has nothing to do.
+            # Near the end only one each, lest a piece wait at one worker while another is idle.
             most = AHEAD if len(waiting) > sum(threads.values()) else 1
             worker = min(threads, key=lambda address: held[address] / threads[address])
             if held[worker] >= most * threads[worker]:
@@ -126,7 +126,7 @@ class DaskCluster:
             flying[self._send(driver.packed(call, piece.argument, self._expected), worker)] = piece
 
     def _send(self, work: bytes, worker: str) -> Any:
-        """Send work to a worker, which Dask is not to give to another: we know who has what, and see who is gone."""
+        """Submit work for one worker, without letting Dask move it to another; return the future."""
         future = self._client.submit(
             driver.run_on_worker, work, self._time_limit, pure=False, workers=[worker], allow_other_workers=False
         )
@@ -134,15 +134,15 @@ class DaskCluster:
         return future
 
     def _arrived(self, flying: Dict[Any, _Piece]) -> Iterator[Tuple[Any, Any]]:
-        """Yield what ended meanwhile, each with what came of it."""
+        """Wait up to LOOK for finished futures; yield those of work, each with its result."""
         for future in self._wait():
             if future in self._asked:
                 self._judge(future)
-            elif future in flying:  # else of a run that was given up, or of a worker that was lost
+            elif future in flying:  # else it belongs to a lost worker, or to an earlier run that was aborted
                 yield future, self._value(future)
 
     def _wait(self) -> List[Any]:
-        """Return what ended meanwhile."""
+        """Return the futures that have finished, after LOOK at most."""
         try:
             ended = [self._ended.get(timeout=LOOK)]
         except queue.Empty:
@@ -152,7 +152,7 @@ class DaskCluster:
         return ended
 
     def _value(self, future: Any) -> Any:
-        """Return what came of a piece of work: its value, Lost, or _Unfit."""
+        """Return the result of a finished future: a value, Lost where the work failed, _Unfit where it did not run."""
         if future.status == "cancelled":
             self._require_scheduler()
             return Lost("was cancelled at the scheduler")
@@ -161,7 +161,7 @@ class DaskCluster:
         while not concurrent.futures.wait([coming], LOOK).done:
             if future.status in ("pending", "lost") or self._clock() - begun > GATHERING:
                 return _Unfit(GONE)
-            self._look()  # it may be the scheduler that hangs, who is asked where the result is
+            self._look()  # raises where the scheduler is gone, which knows where the result is
         error = None if coming.cancelled() else coming.exception()
         if coming.cancelled() or type(error).__name__ == "KilledWorker":
             return _Unfit(GONE)
@@ -173,7 +173,7 @@ class DaskCluster:
         return Lost(f"{type(error).__name__}: {error}")
 
     def _look(self) -> None:
-        """See which workers there are, and ask new ones for their sources."""
+        """Update the list of workers, once in LOOK, and ask new ones for their sources."""
         if self._clock() - self._looked < LOOK and self._look_under_way is None:
             return
         self._require_scheduler()
@@ -192,7 +192,7 @@ class DaskCluster:
         self._tell("" if threads else f"no worker is at {self._client.scheduler.address} yet; waiting for one")
 
     def _threads_now(self) -> Optional[Dict[str, int]]:
-        """Return how many threads each worker has; None where the scheduler has not answered yet."""
+        """Return the number of threads of each worker by address; None where the scheduler has not answered yet."""
         if self._look_under_way is None:
             self._looked = self._clock()
             self._look_under_way = self._in_loop(self._client.scheduler.ncores())
@@ -205,25 +205,29 @@ class DaskCluster:
         try:
             return dict(look.result())
         except (OSError, concurrent.futures.TimeoutError):
-            return None  # the connection broke; whether the scheduler is gone the client finds out
+            return None  # the connection broke; the client notices whether the scheduler is gone
 
     def _in_loop(self, coroutine: Any) -> concurrent.futures.Future:
-        """Have a coroutine run in the client's loop, without waiting for it."""
+        """Start a coroutine in the client's event loop; return its future."""
         return asyncio.run_coroutine_threadsafe(coroutine, self._client.loop.asyncio_loop)
 
     def _tell(self, line: str) -> None:
-        """Tell what keeps the work waiting, once until something else does or nothing."""
+        """Warn of why the work waits; the same line once, until it changes. Empty where nothing is wrong."""
         if line and line != self._told:
             self._warn(line)
         self._told = line
 
     def _judge(self, future: Any) -> None:
-        """Take a worker's answer about its sources."""
+        """Take a worker's answer about its sources, and note whether it is usable.
+
+        Raises:
+            ClusterError: No worker is.
+        """
         address = self._asked.pop(future)
         found = self._value(future)
         future.release()
         if found == GONE:
-            return  # one that is there nevertheless is asked again
+            return  # if the worker still exists, it is asked again
         unable = f"cannot work: {found}" if isinstance(found, Lost) else str(found)
         difference = "" if isinstance(found, Sources) else unable
         self._fit[address] = not difference
@@ -238,7 +242,7 @@ class DaskCluster:
 
 
 class _Unfit(str):
-    """Why a worker did not do its work."""
+    """Why a worker did not run a piece of work; it may be sent again."""
 
 
 def _sources(plugins: Sequence[str]) -> Sources:
@@ -252,14 +256,14 @@ def connected(
     expected: Sources, processes: int, say: Callable[[str], None], scheduler: str = "",
     scheduler_file: Optional[Path] = None,
 ) -> Iterator[DaskCluster]:
-    """Give a cluster for a while: the one of a scheduler, or else one on this machine.
+    """Give a cluster in a `with` block: an existing one, or a local one that ends with the block.
 
     Args:
         expected: The sources that workers must have.
-        processes: On this machine, where no scheduler is named.
-        say: Takes lines for people.
-        scheduler: Its address, such as tcp://HOST:8786.
-        scheduler_file: The file a scheduler wrote its address to.
+        processes: Number of processes of a local cluster.
+        say: Called with each line for the user.
+        scheduler: Address of an existing cluster's scheduler, such as tcp://HOST:8786.
+        scheduler_file: Instead of it, the file that the scheduler wrote its address to.
 
     Raises:
         ClusterError: Dask is not installed, or no scheduler answers.
@@ -274,11 +278,11 @@ def connected(
     with ExitStack() as stack:
         stack.enter_context(dask.config.set(SETTINGS))
         if scheduler or scheduler_file is not None:
-            client = _client_of(distributed, scheduler, scheduler_file)  # drivers there end for want of work
+            client = _client_of(distributed, scheduler, scheduler_file)  # drivers there end by themselves, see IDLE
             stack.callback(client.close)
         else:
-            # Its workers are threads here and cannot be lost; after a laptop's sleep they would be taken for it. They
-            # keep nothing on the disk either: the folder Dask asks for is gone before the work begins.
+            # Its workers are threads of this process and cannot be lost, but after a laptop's sleep they would exceed
+            # worker-ttl. They write nothing to disk, so that the folder Dask wants is removed before the work begins.
             with tempfile.TemporaryDirectory(prefix="mbf_relay-") as folder, dask.config.set({
                 "temporary-directory": folder, "distributed.scheduler.worker-ttl": None,
             }):
@@ -286,11 +290,11 @@ def connected(
                     n_workers=processes, threads_per_worker=1, processes=False, memory_limit=0,
                     dashboard_address="127.0.0.1:0", silence_logs=50,
                 ))
-            link = dask.config.get("distributed.dashboard.link", "").replace("{host}", "127.0.0.1")  # it has no other
+            link = dask.config.get("distributed.dashboard.link", "").replace("{host}", "127.0.0.1")  # as it listens
             stack.enter_context(dask.config.set({"distributed.dashboard.link": link}))
             client = stack.enter_context(distributed.Client(local, set_as_default=False))
             stack.callback(driver.end_all)
-        dashboard = getattr(client, "dashboard_link", "")  # which Noetic's does not tell
+        dashboard = getattr(client, "dashboard_link", "")  # missing in the version that Noetic's Ubuntu has
         if dashboard:
             say(f"dashboard: {dashboard}")
         yield DaskCluster(client, expected, say)
@@ -317,10 +321,7 @@ def _written_in(scheduler_file: Optional[Path]) -> str:
 
 
 def _checked(distributed: Any, address: str) -> str:
-    """Return an address that a client can be made for; raise ValueError where it is none.
-
-    A client that fails over its address is never done with closing.
-    """
+    """Return an address if it is valid, else raise ValueError; a Client that fails on its address never closes."""
     scheme, place = distributed.comm.addressing.parse_address(address)
     distributed.comm.registry.get_backend(scheme).get_address_host(place)
     return address

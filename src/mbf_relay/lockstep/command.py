@@ -1,4 +1,4 @@
-"""What the lockstep commands share: arguments, a progress bar, numbers for JSON."""
+"""Helpers of the lockstep commands: arguments, a lock on folders, a progress bar, numbers for JSON."""
 
 from __future__ import annotations
 
@@ -16,15 +16,20 @@ def without_remappings(arguments: Sequence[str]) -> List[str]:
 
 
 def or_null(values: Sequence[float]) -> List[Optional[float]]:
-    """Return numbers for JSON: those that are not finite are None, which it writes as null."""
+    """Return numbers for JSON, with None (null) for those that are not finite."""
     return [value if math.isfinite(value) else None for value in values]
 
 
 def have_alone(descriptor: int, folder: Path, whose: str) -> None:
-    """Lock an open file or folder against others until it is closed; a file system without locks has none.
+    """Lock an open file or folder for this process (flock) until it is closed; ignored where locks are unsupported.
+
+    Args:
+        descriptor: Of the open file or folder.
+        folder: For the error.
+        whose: What kind of program uses it, for the error.
 
     Raises:
-        ValueError: Another process has it.
+        ValueError: Another process holds the lock.
     """
     try:
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -35,17 +40,22 @@ def have_alone(descriptor: int, folder: Path, whose: str) -> None:
 
 
 def say(text: str) -> None:
-    """Print a text; where its reader has gone (`| head`), nothing is printed any more, and the work goes on."""
+    """Print a text; where the pipe is closed (`| head`), print nothing from then on and go on."""
     try:
         print(text, flush=True)
     except BrokenPipeError:
         gone = os.open(os.devnull, os.O_WRONLY)
-        os.dup2(gone, sys.stdout.fileno())  # else Python would fail over what is left once more, at its end
+        os.dup2(gone, sys.stdout.fileno())  # else Python fails once more when it flushes stdout at exit
         os.close(gone)
 
 
 class Progress:
-    """A bar on a terminal; elsewhere a line for every tenth of the way."""
+    """A progress bar on a terminal; elsewhere a line for every tenth of the work.
+
+    Args:
+        total: Number of pieces of work.
+        stream: Where to write; stderr where None.
+    """
 
     def __init__(self, total: int, stream: Optional[TextIO] = None) -> None:
         self._total = total
@@ -54,7 +64,7 @@ class Progress:
         self._tenths = -1
 
     def show(self, done: int, elapsed: float, note: str) -> None:
-        """Show that `done` of all were done in `elapsed` seconds; `note` says how they went."""
+        """Show that `done` pieces were done in `elapsed` seconds; `note` is shown at the end of the line."""
         share = done / self._total if self._total else 1.0
         left = elapsed * (1.0 - share) / share if share > 0.0 else math.nan
         rest = f", {_duration(left)} left" if math.isfinite(left) and done < self._total else ""
@@ -71,7 +81,7 @@ class Progress:
             self._stream.flush()
 
     def end(self) -> None:
-        """Leave the bar's line."""
+        """End the bar's line on a terminal."""
         if self._is_terminal:
             self._stream.write("\n")
 

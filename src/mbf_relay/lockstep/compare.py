@@ -1,4 +1,4 @@
-"""The compare command: batches side by side, world by world."""
+"""The compare command: results of batches, paired by world and seed."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from mbf_relay.statistics import IntervalEstimate
 from mbf_relay.whole_files import write_whole
 
 MOST_NAMES = 5
-"""Worlds that are named where there are more."""
+"""Worlds named in a warning; the others are left out."""
 
 
 def main(arguments: Optional[Sequence[str]] = None) -> int:
@@ -58,7 +58,7 @@ def main(arguments: Optional[Sequence[str]] = None) -> int:
 
 
 def _two(paths: Sequence[Path], batches: Sequence[List[EpisodeResult]], json_file: Optional[Path]) -> None:
-    """Tell how the second batch differs from the first."""
+    """Print, and write as JSON, how the second batch differs from the first."""
     comparison = compare(batches[0], batches[1])
     if not comparison.pairs:
         raise ValueError(f"{paths[0]} and {paths[1]} share no world and seed; drive the same worlds twice")
@@ -75,7 +75,7 @@ def _plot(options: argparse.Namespace, paths: Sequence[Path], batches: Sequence[
 
 
 def as_text(comparison: Comparison) -> str:
-    """Return the comparison as a table and the worlds that changed sides."""
+    """Return the comparison as a table, with the episodes that only one of the batches brought to success."""
     lines = [
         f"{comparison.pairs} pairs of episodes (same world, same seed); differences are B less A with 95 % intervals"
     ]
@@ -144,7 +144,7 @@ def _settings_that_differ(first: Path, second: Path) -> str:
 
 
 def _tell_other_worlds(first: Path, other: Path) -> None:
-    """Tell which worlds of a batch have the names of the first's and are others: their episodes are no pairs."""
+    """Warn of worlds that have the same name in both batches but differ, so that their episodes are no real pairs."""
     names = other_worlds(read_settings(first), read_settings(other))
     if names:
         more = ", …" if len(names) > MOST_NAMES else ""

@@ -1,4 +1,4 @@
-"""Several batches in one table, each against the first, and success against how hard worlds are."""
+"""Comparison of several batches, each with the first, and plots of success over the worlds' difficulty."""
 
 from __future__ import annotations
 
@@ -15,23 +15,23 @@ from mbf_relay.statistics import IntervalEstimate
 from mbf_relay.whole_files import whole_file
 
 SURE = 0.05
-"""Corrected chance below which a difference counts as one."""
+"""Significance level: corrected p-values below it count as a difference."""
 COMPARED = ("success", "score")
-"""Measures that are tested; the more are, the more of them would differ by chance."""
+"""Measures that are tested; few, as each further test makes a false positive likelier."""
 MOST_GROUPS = 5
-"""Points along the axis of difficulty."""
+"""Most points along the axis of difficulty, each of a group of worlds."""
 
 
 class Contrast(NamedTuple):
-    """One measure of one batch against the first batch's.
+    """The test of one measure of one batch against the first batch.
 
     Attributes:
-        measure: Its name.
-        value: Of the batch, over the pairs.
-        difference: From the first batch.
-        chance: Of such a difference if there were none, corrected for all that is tested (Holm).
-        worlds: How many worlds tell; each counts once, however many seeds it was driven with.
-        needed: How many it takes until a difference in all of them is a rare chance, corrected as `chance` is.
+        measure: Name of the measure.
+        value: Its mean over the batch's episodes of the pairs.
+        difference: Mean difference from the first batch.
+        chance: p-value, corrected for the number of tests (Holm).
+        worlds: Number of worlds compared; each counts once, however many seeds it was driven with.
+        needed: Number of worlds with which a significant result is possible at all, at the corrected level.
     """
 
     measure: str
@@ -52,18 +52,18 @@ class Contrast(NamedTuple):
 
 
 def too_few(worlds: int, needed: int) -> str:
-    """Return what is said where there are not as many worlds as are needed to tell."""
+    """Return the verdict where there are fewer worlds than a significant result needs."""
     return f"too few worlds to tell ({worlds}; it takes {needed})"
 
 
 def contrasts(
     batches: Sequence[Sequence[EpisodeResult]], compared: Sequence[str] = COMPARED
 ) -> List[List[Contrast]]:
-    """Return, for each batch but the first, what is compared of it; over the episodes that all have.
+    """Return the contrasts of each batch but the first, over the episodes that all batches have.
 
     Args:
-        batches: The results of each.
-        compared: Names of measures of which more or less is better.
+        batches: The results of each batch.
+        compared: Names of measures, whose `better` must not be 0.
 
     Raises:
         ValueError: They share no world and seed.
@@ -91,10 +91,10 @@ def _contrast(measure: Measure, first: Sequence[EpisodeResult], other: Sequence[
 
 
 def as_table(names: Sequence[str], batches: Sequence[Sequence[EpisodeResult]]) -> str:
-    """Return batches against the first as a table.
+    """Return the comparison of each batch with the first as a table.
 
     Args:
-        names: Of the batches.
+        names: Names of the batches.
         batches: Their results.
 
     Raises:
@@ -119,15 +119,15 @@ def as_table(names: Sequence[str], batches: Sequence[Sequence[EpisodeResult]]) -
 def by_difficulty(
     results: Iterable[EpisodeResult], difficulties: Mapping[str, Mapping[str, float]], measure: str
 ) -> List[Any]:
-    """Return (difficulty, share of successes with interval) of groups of worlds, from the least difficulty on.
+    """Return (mean difficulty, share of successes with interval) of groups of worlds, by rising difficulty.
 
     Args:
-        results: Of one batch.
-        difficulties: Measures by world.
-        measure: Which of them.
+        results: Results of one batch.
+        difficulties: Measures of difficulty by world, then by name.
+        measure: Name of the measure to use.
 
     Raises:
-        ValueError: No world states that measure; the text names those stated.
+        ValueError: No world that was driven has this measure; the text names those there are.
     """
     groups: Dict[str, List[float]] = {}
     for result in results:
@@ -149,13 +149,12 @@ def plot(
     path: Path, names: Sequence[str], batches: Sequence[Sequence[EpisodeResult]],
     difficulties: Mapping[str, Mapping[str, float]], measure: Optional[str] = None,
 ) -> None:
-    """Draw each batch's success against difficulty.
+    """Plot each batch's share of successes over difficulty.
 
     Args:
-        path: Picture to write.
+        path: Picture to write; its ending gives the format.
         names, batches: As for `as_table`.
-        difficulties: Measures by world.
-        measure: Which of them; path_length_ratio where None.
+        difficulties, measure: As for `by_difficulty`; path_length_ratio where `measure` is None.
     """
     import matplotlib
 

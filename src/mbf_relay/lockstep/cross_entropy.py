@@ -1,8 +1,8 @@
-"""An example of learning to drive: the cross-entropy method on a linear policy, with numpy alone.
+"""An example of reinforcement learning: the cross-entropy method on a linear policy, with NumPy alone.
 
-Policies are drawn from a normal distribution, each drives the same episodes, and the distribution is fitted to the best
-fifth of them; again and again (Rubinstein 1999; Szita and Lorincz 2006, whose added noise keeps it from narrowing too
-soon). Worlds kept from the training tell what was learnt.
+In each generation policies are drawn from a normal distribution, all drive the same episodes, and the distribution is
+fitted to the best fifth of them (Rubinstein 1999). Added noise keeps it from converging too early (Szita and Lorincz
+2006). The result is tested on worlds that were not used in training.
 """
 
 from __future__ import annotations
@@ -16,13 +16,15 @@ import numpy as np
 from mbf_relay.commands import positive
 
 Tell = Callable[[str], None]
+"""Takes a line for the user."""
 SECTORS, NEAR = 12, 0.3
-"""Sectors of the scan, and the distance (m) that reads 1 to the policy."""
+"""Number of sectors of the scan, and the distance (m) at which the policy's input of a sector is 1."""
 ELITE, EXTRA_NOISE = 0.2, 0.3
+"""Share of the policies that the distribution is fitted to, and standard deviation added at first, 0 in the end."""
 
 
 def act(weights: np.ndarray, seen: Any) -> np.ndarray:
-    """Return the action of a policy, weights of shape (A, SECTORS + 3), on what it sees."""
+    """Return a policy's action, shape (A,), for an observation; its weights have shape (A, SECTORS + 3)."""
     towards = seen["goal"] / max(1e-6, float(np.hypot(*seen["goal"])))
     action: np.ndarray = np.tanh(weights @ np.concatenate((towards, NEAR / np.maximum(seen["scan"], 0.1), [1.0])))
     return action
@@ -44,15 +46,15 @@ def drive(environment: Any, weights: np.ndarray, seeds: Sequence[int]) -> Tuple[
 def train(
     environment: Any, generations: int, policies: int, episodes: int, seed: int, tell: Tell
 ) -> Tuple[np.ndarray, List[float]]:
-    """Return the policy learnt, and the mean return of each generation's policies.
+    """Return the weights of the policy learnt, and the mean return of each generation's policies.
 
     Args:
         environment: See NavigationEnvironment.
-        generations: How often to draw and fit.
-        policies: Drawn in each.
-        episodes: That each of them drives.
-        seed: Of policies and episodes.
-        tell: Takes a line per generation.
+        generations: Number of generations.
+        policies: Number of policies in each.
+        episodes: Number of episodes that each policy drives.
+        seed: Seed of the policies and the episodes.
+        tell: Called with a line for each generation.
     """
     rng = np.random.default_rng(seed)
     mean = np.zeros((environment.action_space.shape[0], SECTORS + 3))
@@ -69,7 +71,7 @@ def train(
 
 
 def main(arguments: Optional[Sequence[str]] = None) -> int:
-    """Run the command; return its exit status: 0, or 1 for what a user can mend."""
+    """Run the command; return its exit status: 0, or 1 for an error that a user can fix."""
     parser = argparse.ArgumentParser(prog="train_policy.py", description="Teach a linear policy to drive.")
     parser.add_argument("--worlds", default="barn", help="a kind of make_worlds.py, or a worlds file (default barn)")
     for name, value, kind, meaning in (

@@ -1,8 +1,8 @@
-"""A process beside a worker that does one piece of work after another and is watched meanwhile.
+"""Runs pieces of work in a subprocess that is monitored, so that a crash or hang costs one result and not the worker.
 
-What it does comes from plugins and a physics engine, so it may throw, crash, exhaust the memory or never end. None of
-that reaches the worker: it sends bytes, gets bytes back or an account of how the work was lost, and starts another
-process for the next piece. A worker needs this module alone; what the work needs is imported in the process.
+The work runs plugins and a physics engine, which may raise, crash, exhaust the memory or never end. The worker sends
+the work as bytes and gets bytes back, or the reason why the work was lost; the next piece then gets a new subprocess. A
+worker needs this module alone; what the work needs is imported in the subprocess.
 """
 
 from __future__ import annotations
@@ -26,48 +26,49 @@ import psutil
 import mbf_relay
 
 ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"), "1")
-"""Each process gets one core: threads of libraries would fight over them, and add up in an order of their own."""
+"""Environment that gives each process one thread: more would compete for the cores, and sum in an order that varies."""
 DONE, THREW, REFUSED, LOST = b"done", b"threw", b"refused", b"lost"
-"""What became of a piece of work; what is sent with it is a pickled value, or a text."""
+"""Kinds of answers: the work returned, it raised, the process has other sources, the process hung or died."""
 IDLE = 60.0
-"""Seconds without work after which the process ends; so does one whose worker is gone, at once."""
+"""Seconds without work after which the process ends; it ends at once where its worker is gone."""
 LOOK = 0.5
-"""Seconds between two looks at whether the process still computes."""
+"""Seconds between two checks of the process' CPU time."""
 HEAD = struct.Struct("<Q")
-"""What goes before each message: its length."""
+"""Header of each message: its length in bytes."""
 PIECE = 1 << 16
-"""Bytes written or read at once; as many as a pipe holds."""
+"""Bytes written or read at once: the capacity of a pipe."""
 PAID = 100.0
-"""Seconds of the clock without computing that a second of computing pays for: one that waits and only looks at its
-watch now and then does not compute, and no piece of work, whatever it does, lasts for ever."""
+"""Seconds of idle time that one second of CPU time makes up for. A process that waits for something and polls now and
+then uses some CPU time, but less than that, and is found hanging."""
 ENDING = 10.0
-"""Seconds for a killed process to be gone. One that hangs in the kernel (a share of a network that went) is left."""
+"""Seconds to wait for a killed process. One that hangs in the kernel (a network share that is gone) is left behind."""
 
 Answer = Tuple[bytes, bytes]
+"""The kind of answer, and its content: the pickled value for DONE, else a text."""
 
 
 class Driver:
-    """A process that works, as seen from its worker; used by one thread at a time."""
+    """The subprocess of a worker, started with the first work; used by one thread at a time."""
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
-        """Make none yet; it starts with the first work.
+        """Start nothing yet.
 
         Args:
-            clock: Tells the time (s).
+            clock: Gives the time (s).
         """
         self._clock = clock
         self._process: Optional[subprocess.Popen] = None
 
     def run(self, work: bytes, time_limit: float) -> Answer:
-        """Return what became of a piece of work.
+        """Run a piece of work in the process and return the answer.
 
-        A process that has other sources than the work must be of is ended, for it may have loaded them before they were
-        edited; the next one refuses the work only where they are others still.
+        Where the process has other sources than the work expects, they may have been edited since it started: a new
+        process is tried once before the work is refused.
 
         Args:
             work: See `packed`.
-            time_limit: Seconds of computing time after which it counts as hung; so it does after as many seconds of
-                the clock in which it next to never computed, nor waited for a core to do so.
+            time_limit: Seconds of CPU time after which the process counts as hung; also seconds of idle time, in which
+                it hardly computes and does not wait for a core either.
         """
         for _ in range(2):
             is_new = not self._is_there()
@@ -78,7 +79,7 @@ class Driver:
                 self.end()
                 return LOST, f"hung: no result within {time_limit:g} s of computing".encode()
             if content is not None:
-                # of our own process, not from outside
+                # trusted: written by our own subprocess
                 answer: Answer = pickle.loads(content)  # noqa: S301  # nosec B301
                 if answer[0] != REFUSED or is_new:
                     return answer
@@ -86,12 +87,12 @@ class Driver:
                 continue
             code = process.returncode
             self.end()
-            if code:  # else it had been without work and just ended
+            if code:  # else it ended for lack of work (IDLE) just now
                 return LOST, f"the process died ({_how_it_died(code)})".encode()
         return LOST, b"the process ended without a result"
 
     def end(self) -> None:
-        """End the process, whatever it does."""
+        """Kill the process."""
         process, self._process = self._process, None
         if process is not None:
             process.kill()
@@ -117,10 +118,9 @@ class Driver:
         return self._process
 
     def _exchanged(self, process: subprocess.Popen, work: bytes, time_limit: float) -> Optional[bytes]:
-        """Send work and return what comes back, None of a process that ended before; raise _HungError in the end.
+        """Send work and return the process' answer, None if it ended without one; raise _HungError if it hangs.
 
-        Nothing here waits for the process for longer than from one look at it to the next, whatever it reads, sends,
-        closes or leaves.
+        No call here blocks for longer than LOOK, whatever the process does with its pipes.
         """
         watch = _Watch(process, time_limit, self._clock)
         sends, reads = _pipe(process.stdin), _pipe(process.stdout)
@@ -146,11 +146,11 @@ class Driver:
 
 
 class _HungError(Exception):
-    """A process got the time it may take, and gave no result."""
+    """A process has used up its time without a result."""
 
 
 class _Watch:
-    """Looks at whether a process computes, and for how long."""
+    """Measures a process' CPU time and idle time against a limit (s)."""
 
     def __init__(self, process: subprocess.Popen, time_limit: float, clock: Callable[[], float]) -> None:
         self._process, self._time_limit, self._clock = psutil.Process(process.pid), time_limit, clock
@@ -159,12 +159,12 @@ class _Watch:
         self._looked = clock()
 
     def look(self) -> None:
-        """Look, if it is time to; raise _HungError if it computed for too long, or waited too long for something."""
+        """Check the process, at most every LOOK; raise _HungError where its CPU time or idle time exceeds the limit."""
         now = self._clock()
         if now - self._looked < LOOK:
             return
         computed, before = self._computed(), self._used
-        # A look that comes late, on a machine that is busy or slept, counts as one.
+        # A check that comes late, after the machine was suspended or busy, counts as two periods at most.
         waited = 0.0 if self._runs() else min(now - self._looked, 2.0 * LOOK)
         self._used, self._looked = computed, now
         self._idle = max(0.0, self._idle + waited - PAID * (computed - before))
@@ -172,34 +172,41 @@ class _Watch:
             raise _HungError
 
     def _computed(self) -> float:
-        """Return the computing time (s) of the process so far."""
+        """Return the CPU time (s) of the process so far."""
         with contextlib.suppress(psutil.Error):
             times = self._process.cpu_times()
             return float(times.user + times.system)
         return self._used
 
     def _runs(self) -> bool:
-        """Return whether the process computes just now, or would if a core were free."""
+        """Return whether the process is running or waiting for a core."""
         with contextlib.suppress(psutil.Error):
             return bool(self._process.status() == psutil.STATUS_RUNNING)
         return False
 
 
 def path_of_processes() -> List[str]:
-    """Return sys.path for processes to start: first where the package was found, since a build's has the kernels.
+    """Return sys.path for subprocesses, with the folder in front from which this package was imported.
 
-    A build's package puts its sources, which have none, in front of itself.
+    That may be a build's package, which has the compiled kernels, and which itself puts the source folder, without
+    kernels, in front of sys.path.
     """
     return [os.path.dirname(os.path.dirname(mbf_relay.__file__)), *sys.path]
 
 
 def packed(call: Callable, argument: object, expected: object = None) -> bytes:
-    """Return work for a driver: a function of a module, what it is called with, and the sources it must be of."""
+    """Return work as bytes for a driver.
+
+    Args:
+        call: A function at the top level of a module, which is pickled by name.
+        argument: Its argument.
+        expected: The Sources that the process must have; not checked where None.
+    """
     return pickle.dumps((expected, call, argument), protocol=4)
 
 
 def run_on_worker(work: bytes, time_limit: float) -> Answer:
-    """Do a piece of work in the driver of this thread of a worker."""
+    """Run a piece of work in this thread's driver, which is made at its first call; see `Driver.run`."""
     driver = getattr(_of_thread, "driver", None)
     if driver is None:
         driver = _of_thread.driver = Driver()
@@ -208,7 +215,7 @@ def run_on_worker(work: bytes, time_limit: float) -> Answer:
 
 
 def end_all() -> None:
-    """End every driver of this process."""
+    """Kill the subprocesses of all drivers."""
     for driver in _drivers:
         driver.end()
 
@@ -218,25 +225,25 @@ _drivers: List[Driver] = []
 
 
 def main() -> None:
-    """Work until there is nothing to do any more."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # interrupts are the client's to answer
+    """Run the subprocess: read work from stdin and write answers to stdout, until there is no work for IDLE."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # a Ctrl-C reaches the whole process group; the client handles it
     answers = os.fdopen(os.dup(1), "wb")
-    os.dup2(2, 1)  # what plugins print must not get among the answers
+    os.dup2(2, 1)  # what plugins print goes to stderr
     waiting: queue.Queue = queue.Queue()
     threading.Thread(target=_take, args=(sys.stdin.buffer, waiting), daemon=True).start()
     while True:
         try:
             work = waiting.get(timeout=IDLE)
         except queue.Empty:
-            os._exit(0)  # Python's own end would wait for the thread that reads, and abort
+            os._exit(0)  # sys.exit would abort, as the reading thread holds stdin's lock
         answers.write(_framed(pickle.dumps(answer(work), protocol=4)))
         answers.flush()
 
 
 def answer(work: bytes) -> Answer:
-    """Return what becomes of a piece of work in this process."""
+    """Run a piece of work in this process and return the answer."""
     try:
-        # from our own worker, not from outside
+        # trusted: written by our own worker
         expected, call, argument = pickle.loads(work)  # noqa: S301  # nosec B301
         if expected is not None:
             from mbf_relay.lockstep.sources import sources
@@ -248,14 +255,14 @@ def answer(work: bytes) -> Answer:
     except Exception as error:  # whatever a plugin throws must not end the batch
         from mbf_relay.plugins import PluginFailure
 
-        if isinstance(error, PluginFailure):  # it says where
+        if isinstance(error, PluginFailure):  # its text names file and line
             return THREW, str(error).encode()
         last = traceback.extract_tb(error.__traceback__)[-1]
         return THREW, f"{type(error).__name__}: {error} ({last.name}, line {last.lineno})".encode()
 
 
 def _take(stream: BinaryIO, waiting: queue.Queue) -> None:
-    """Hand over work as it comes; the worker's end is this process's."""
+    """Read work into a queue; exit the process when the worker closes the pipe."""
     try:
         while True:
             waiting.put(_receive(stream))
@@ -268,7 +275,7 @@ def _framed(content: bytes) -> bytes:
 
 
 def _sent(stream: BinaryIO, content: memoryview) -> memoryview:
-    """Write what a pipe takes at once; return what is left, nothing where nobody reads any more."""
+    """Write what the pipe accepts without blocking; return the rest, which is empty where nobody reads any more."""
     try:
         return content[stream.write(content[:PIECE]) or 0:]
     except BrokenPipeError:

@@ -1,13 +1,13 @@
-"""A gymnasium environment: what a policy that is to drive the robot sees, does and earns.
+"""A gymnasium environment for learning to navigate: observations, actions and rewards.
 
     import gymnasium
 
     environment = gymnasium.make("mbf_relay.lockstep.environment:mbf_relay/Navigation-v0", worlds="barn")
     observation, info = environment.reset(seed=1)
 
-The policy takes the place of planner and controller: it is told the scan and where the goal is, and gives velocities.
-World, lidar, wheels and contacts are those of every drive, so one seed and one row of actions give one episode, to the
-last bit. Only this module needs gymnasium, and nothing of the package needs this module.
+The policy takes the place of planner and controller: it observes the scan and the goal, and commands velocities.
+World, lidar, wheels and contacts are simulated as in batches, so that one seed and one sequence of actions give one
+episode, bit by bit. Only this module needs gymnasium, and nothing else imports it.
 """
 
 from __future__ import annotations
@@ -41,28 +41,30 @@ from mbf_relay.simulation.robot_file import load_robot
 from mbf_relay.simulation.worlds_file import world_of
 
 ID = "mbf_relay/Navigation-v0"
+"""The environment's id in gymnasium's registry."""
 FARTHEST = 1000.0
-"""Metres up to which a goal's place is told."""
+"""Metres to which the goal's coordinates are clipped in observations."""
 Observed = Dict[str, np.ndarray]
+"""An observation; see NavigationEnvironment."""
 
 
 class NavigationEnvironment(gymnasium.Env):
-    """Drive to the goal, touch nothing.
+    """Drive to the goal without touching anything.
 
-    An observation holds, as 32 bit numbers:
+    An observation holds, as float32:
 
-    - `scan`: the nearest reading (m) of each sector, the first one ahead, counter-clockwise; the lidar's range where a
-      sector has none;
+    - `scan`: the nearest reading (m) of each sector, the first one ahead, counter-clockwise; the lidar's range_max
+      where a sector has none;
     - `goal`: x, y (m) in the robot's frame;
-    - `velocity`: x, y (m/s) and yaw (rad/s) as odometry measured them.
+    - `velocity`: x, y (m/s) and yaw (rad/s) by odometry.
 
-    An action is a velocity in shares of the robot's top ones, each from -1 to 1: x and yaw; x, y and yaw for an
-    omnidirectional robot. What is beyond is taken to the limit. The episode ends with the last goal or a contact, and
-    is cut off at the world's time limit.
+    An action is a velocity as fractions of the robot's top velocity, each from -1 to 1 and clipped to that: x and yaw,
+    or x, y and yaw for an omnidirectional robot. An episode terminates at the last goal or at a contact, and is
+    truncated at the world's time limit.
 
     Attributes:
         parameters: See EnvironmentParameters.
-        top_velocity: Shape (A,), what an action of ones is (m/s, rad/s).
+        top_velocity: The velocity of an action of ones, shape (A,), m/s and rad/s.
     """
 
     metadata: Dict[str, Any] = {"render_modes": []}
@@ -71,21 +73,20 @@ class NavigationEnvironment(gymnasium.Env):
         self, worlds: str = "barn", seeds: Sequence[int] = (0, 100000), robot: str = "", localization: str = TRUTH,
         changes: Union[str, Iterable[str]] = (), **parameters: Any,
     ) -> None:
-        """Make it; a world is built by `reset`.
+        """Read worlds and parameters; the world itself is built by `reset`.
 
         Args:
-            worlds: A kind of `make_worlds.py` (each episode in a new one), the path of a worlds file (each in one of
-                its worlds), or "circle".
-            seeds: First of the seeds that worlds are generated from, and the first that is not; what is kept from
-                training can be tested on.
-            robot: What drives, as for `batch.py --robot`; the simulator's own where empty.
-            localization: Where the robot is thought to be: "truth", or "odometry" from the true start on.
-            changes: A change "simulator.scan_noise=0" to the simulator's parameters, or several.
-            parameters: Of EnvironmentParameters.
+            worlds: A kind of `make_worlds.py` (a new world for each episode), the path of a worlds file (one of its
+                worlds for each episode), or "circle".
+            seeds: First seed of generated worlds, and one past the last, so that others can be kept for testing.
+            robot: The robot, as for `batch.py --robot`; the one of the simulator's parameters where empty.
+            localization: Source of the pose by which the goal is observed: "truth", or "odometry" from the true start.
+            changes: One change "simulator.scan_noise=0" of the simulator's parameters, or several.
+            parameters: Values of EnvironmentParameters.
 
         Raises:
-            ValueError: A file, a name or a value is wrong; the text says which. Of what is not understood or has no
-                effect in them Python warns.
+            ValueError: A file, a name or a value is wrong; the text says which. There is a Python warning for entries
+                that are unknown or have no effect.
         """
         for name in EnvironmentParameters.unknown_names(parameters):
             hint = EnvironmentParameters.hint(name)
@@ -121,7 +122,7 @@ class NavigationEnvironment(gymnasium.Env):
         speed, turn = limits.max_speed, limits.max_turn_rate
         self.top_velocity = np.array([speed, speed, turn] if robot.drive == OMNIDIRECTIONAL else [speed, turn])
         self.action_space = spaces.Box(-1.0, 1.0, self.top_velocity.shape)
-        moving = np.array([2.0 * speed, 2.0 * speed, 2.0 * turn], np.float32)  # what is measured may be beyond limits
+        moving = np.array([2.0 * speed, 2.0 * speed, 2.0 * turn], np.float32)  # measured speeds may exceed the limits
         sight = np.full(self.parameters.beams, limits.scan_range_max, np.float32)
         place = np.full(2, FARTHEST, np.float32)
         self.observation_space = spaces.Dict({
@@ -135,11 +136,11 @@ class NavigationEnvironment(gymnasium.Env):
     def reset(
         self, *, seed: Optional[int] = None, options: Optional[Dict[str, Any]] = None
     ) -> Tuple[Observed, Dict[str, Any]]:
-        """Begin an episode and return its first observation, and what else is known.
+        """Begin an episode; return its first observation and the info dictionary.
 
         Args:
-            seed: Of this episode and those after it; as they come where None.
-            options: {"world": name} to choose one of a file, or {"world_seed": number} of what is generated.
+            seed: Seed of this episode and those after it; where None the generator goes on.
+            options: {"world": name} chooses one of a file, {"world_seed": number} a generated one.
 
         Raises:
             ValueError: There is no such world, or the robot cannot stand at its start.
@@ -155,12 +156,12 @@ class NavigationEnvironment(gymnasium.Env):
         self._odometry: Optional[Odometry] = None
         while self._scan is None or self._odometry is None:
             self._take(self._simulation.step())
-        self._simulation.faults = self._faults  # from here on: of a lidar that was always silent nothing could be shown
+        self._simulation.faults = self._faults  # not before: a lidar that is silent by a fault has no first scan
         self._distance = self._distance_to_goal()
         return self._observed(), self._info(False)
 
     def step(self, action: Any) -> Tuple[Observed, float, bool, bool, Dict[str, Any]]:
-        """Drive at a velocity for a period and return observation, reward, terminated, truncated and more.
+        """Drive at a velocity for one control period; return observation, reward, terminated, truncated and info.
 
         Raises:
             ValueError: The velocity is not finite, or has another shape than the action space.
@@ -183,13 +184,13 @@ class NavigationEnvironment(gymnasium.Env):
         return self._observed(), reward, touched or success, late and not (touched or success), self._info(success)
 
     def close(self) -> None:
-        """Free the physics."""
+        """Free the physics engine."""
         if self._simulation is not None:
             self._simulation.close()
             self._simulation = None
 
     def _reward(self, touched: bool) -> Tuple[float, bool]:
-        """Return what the step earned, and whether the last goal is reached; go on to the next goal."""
+        """Return a step's reward, and whether the last goal is reached; where one is, go on to the next."""
         parameters = self.parameters
         before, self._distance = self._distance, self._distance_to_goal()
         earned = parameters.reward_progress * (before - self._distance)
@@ -209,7 +210,7 @@ class NavigationEnvironment(gymnasium.Env):
         return self._task.goals[min(self._reached, len(self._task.goals) - 1)]
 
     def _distance_to_goal(self) -> float:
-        """Return the true distance (m), by which rewards are given whatever the robot believes."""
+        """Return the true distance (m) to the goal, by which rewards are given, whatever `localization` is."""
         return self._require_simulation().true_pose.distance_to(self._goal())
 
     def _take(self, observations: Observations) -> None:
@@ -242,10 +243,10 @@ class NavigationEnvironment(gymnasium.Env):
 
 
 class _Worlds:
-    """Where episodes' worlds come from.
+    """The worlds of the episodes; arguments as for NavigationEnvironment.
 
     Attributes:
-        tasks: Those of a file; none where they are generated.
+        tasks: Those of a file; empty where worlds are generated.
     """
 
     def __init__(self, source: str, seeds: Sequence[int]) -> None:
@@ -259,10 +260,10 @@ class _Worlds:
         self.tasks: List[EpisodeTask] = [] if self._kind else load_tasks(source)
 
     def choose(self, chance: np.random.Generator, options: Mapping[str, Any]) -> EpisodeTask:
-        """Return the task asked for, else one by chance.
+        """Return the task that `options` choose, else a random one.
 
         Raises:
-            ValueError: There is none, or it is asked for in a way that means nothing for these worlds.
+            ValueError: There is no such world, or an option is not for this kind of worlds.
         """
         known = "world_seed" if self._kind else "world"
         strange = sorted(map(str, set(options) - {known}))
@@ -286,14 +287,14 @@ def _generated(kind: str, seed: int) -> EpisodeTask:
 
 
 def vectorised(count: int, **arguments: Any) -> Any:
-    """Return gymnasium's vector environment of `count` environments, each in a process of its own.
+    """Return gymnasium's AsyncVectorEnv of `count` environments, each in a process of its own.
 
     Args:
-        count: How many; as many as there are cores is the fastest.
-        arguments: Of NavigationEnvironment.
+        count: Number of environments; fastest with one per core.
+        arguments: Arguments of NavigationEnvironment.
     """
     made = functools.partial(NavigationEnvironment, **arguments)
-    here, sys.path = sys.path, path_of_processes()  # which multiprocessing hands on
+    here, sys.path = sys.path, path_of_processes()  # multiprocessing passes sys.path to its processes
     try:
         return gymnasium.vector.AsyncVectorEnv([made] * count, context="spawn")
     finally:

@@ -1,4 +1,4 @@
-"""What a policy is shown and earns; apart from the environment, which needs gymnasium."""
+"""Parameters of the gymnasium environment, in a module that does not import gymnasium."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from mbf_relay.parameters import ParameterSet, parameter
 
 @dataclass(frozen=True)
 class EnvironmentParameters(ParameterSet):
-    """Parameters of `NavigationEnvironment`: how often it is asked, what it is shown and what it earns."""
+    """Parameters of `NavigationEnvironment`: rate of actions, observations and rewards."""
 
     control_rate: float = parameter(5.0, "actions per second of simulated time", unit="Hz", above=0.0)
     beams: int = parameter(

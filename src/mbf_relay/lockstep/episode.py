@@ -1,4 +1,4 @@
-"""One drive: the parts the nodes are made of, on the simulation's clock, in one process."""
+"""One drive through a world: the nodes' core objects in one process, on the simulation's clock."""
 
 from __future__ import annotations
 
@@ -21,23 +21,25 @@ from mbf_relay.navigation.task import Ending, Task
 from mbf_relay.outcomes import ControlOutcome
 
 WARM_UP = 5.0
-"""Seconds of the simulation within which scans, pose and costmaps must be there."""
+"""Simulated seconds within which scans, pose and costmaps must be available."""
 
 AT_MOST = 4.0
-"""Times its top speed that no robot goes, pushed as it may be: until then it need not be looked for at the goal."""
+"""Bound on the robot's speed, also when it is pushed, as a multiple of its top speed. From the distance to the goal it
+gives the earliest time at which the goal can be reached; before that the check is skipped."""
 
 
 class Episode:
-    """One robot driving one task with one seed. `run` drives it; equal arguments give equal drives to the last bit."""
+    """One drive of a task with a seed. Equal arguments give equal drives, bit by bit."""
 
     def __init__(self, task: EpisodeTask, setup: Setup, seed: int, clock: Optional[Callable[[], float]] = None) -> None:
-        """Build everything.
+        """Build the simulation and the navigation stack.
 
         Args:
-            task: The world and where to go in it.
-            setup: With which parameters.
-            seed: Of all chance.
-            clock: Tells the wall time (s), for the times per stage; nothing else depends on it.
+            task: The world and the goals.
+            setup: The parameters.
+            seed: Seed of all random numbers.
+            clock: Gives wall time (s) for the times per stage, which are left out where None; nothing else depends
+                on it.
 
         Raises:
             ValueError: The robot cannot stand at the start, or a parameter is wrong.
@@ -55,9 +57,9 @@ class Episode:
         self._deadline = self._near_goal_from = 0.0
 
     def run(self) -> EpisodeResult:
-        """Drive until all goals are reached, navigation gives up, something is touched, or time is up.
+        """Drive until all goals are reached, navigation fails, the robot touches something, or the time limit.
 
-        Where the setup says so, a drive goes on after something was touched.
+        With the setup's `after_contact` the drive goes on after a contact. Call once.
         """
         try:
             if not self._warm_up():
@@ -72,7 +74,7 @@ class Episode:
             self._graph.close()
 
     def _warm_up(self) -> bool:
-        """Step until the robot knows where it is and what is around it."""
+        """Step until pose and costmaps are available; return whether they are, within WARM_UP."""
         while self._graph.waits_for() is not None:
             if self._graph.elapsed > WARM_UP:
                 return False
@@ -80,7 +82,7 @@ class Episode:
         return True
 
     def _drive(self) -> Tuple[str, str]:
-        """Return outcome and message; a drive with a contact ends as one, however far it went on."""
+        """Drive to the end; return outcome and message."""
         graph, task = self._graph, self.task
         self._record = Record(
             task, self.seed, graph.simulation.parameters.start_time, graph.simulation.robot
@@ -102,7 +104,7 @@ class Episode:
                 return self._judged(*ended)
 
     def _judged(self, outcome: str, message: str) -> Tuple[str, str]:
-        """Return outcome and message of a drive that ended so, with what it touched taken into account."""
+        """Return outcome and message of a drive that ended so; CONTACT where the robot touched something before."""
         assert self._record is not None
         first = self._record.touches.first
         if not first:
@@ -157,7 +159,7 @@ class Episode:
         self._record.recoveries += 1
 
     def _machine(self) -> Dict[str, Any]:
-        memory = psutil.Process().memory_info().rss / 2**20  # now: a peak would be that of who started this process
+        memory = psutil.Process().memory_info().rss / 2**20  # current; a forked process inherits its parent's peak
         if self._clock is None:
             return {"memory_mib": round(memory, 1)}
         seconds = {name: round(value, 4) for name, value in sorted(self._stages.seconds.items())}
@@ -165,6 +167,6 @@ class Episode:
 
 
 def _seed_chance_of_plugins(seed: int) -> None:
-    """Seed the generators of all the process: nothing here draws from them, but plugins of others do."""
+    """Seed Python's and NumPy's global generators; this package does not use them, but a user's plugins may."""
     random.seed(seed)
     np.random.seed(seed % 2**32)

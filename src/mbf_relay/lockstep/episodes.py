@@ -1,4 +1,4 @@
-"""Many episodes: as pieces of work, in this process or on a cluster."""
+"""Driving many episodes, in this process or on a cluster, as independent pieces of work."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ Argument = TypeVar("Argument")
 
 
 class EpisodeJob(NamedTuple):
-    """An episode to drive: where, how, and the seed of all chance."""
+    """An episode to drive: its task, its setup and its seed."""
 
     task: EpisodeTask
     setup: Setup
@@ -28,36 +28,36 @@ class EpisodeJob(NamedTuple):
 
 
 class Lost(Exception):
-    """A piece of work ended without a result; the text says how."""
+    """A piece of work ended without a result; the text says why."""
 
 
 class Hung(BaseException):
-    """Thrown into work that computes for too long; no plugin's `except Exception` keeps it."""
+    """Raised in work that computes for too long; a BaseException, so that no plugin's `except Exception` catches it."""
 
 
 class Workers(Protocol):
-    """Where work is done."""
+    """Something that runs pieces of work: InProcess, or a DaskCluster."""
 
     def run(
         self, call: Callable[[Argument], Any], arguments: Sequence[Argument], time_limit: float
     ) -> Iterator[Tuple[Argument, Any]]:
-        """Yield each argument as its work ends, with what `call` returned, or Lost.
+        """Yield each argument when its call has ended, with the value returned, or a Lost.
 
         Args:
-            call: A function at the top level of a module, as it goes to other processes by name.
-            arguments: Of one call each.
-            time_limit: Seconds of computing after which a call counts as hung.
+            call: A function at the top level of a module, as it is pickled by name for other processes.
+            arguments: The argument of each call.
+            time_limit: Seconds of CPU time after which a call counts as hung.
         """
         ...
 
 
 class InProcess:
-    """Works here, one after another: nothing to start, nothing to send, and a debugger sees all of it."""
+    """Runs the calls in this process, one after another, as a debugger needs it."""
 
     def run(
         self, call: Callable[[Argument], Any], arguments: Sequence[Argument], time_limit: float
     ) -> Iterator[Tuple[Argument, Any]]:
-        """Yield each argument and what came of it; see Workers. A crash of the process ends everything."""
+        """Yield each argument with its result; see Workers. A crash of the process ends all."""
         for argument in arguments:
             try:
                 with _computing_limited_to(time_limit):
@@ -68,14 +68,14 @@ class InProcess:
 
 
 def value_of(answer: driver.Answer) -> Any:
-    """Return what a driver's answer holds: a value, or Lost with its text."""
+    """Return the value in a driver's answer, or a Lost with its text."""
     kind, content = answer
-    # of our own making, not from outside
+    # trusted: written by our own process
     return pickle.loads(content) if kind == driver.DONE else Lost(content.decode())  # noqa: S301  # nosec B301
 
 
 def drive(job: EpisodeJob) -> EpisodeResult:
-    """Drive one episode. What cannot be driven is a failed result that says why."""
+    """Drive one episode; where that raises ValueError, return a failed result with the error's text."""
     spare_what_stays()
     try:
         return Episode(job.task, job.setup, job.seed, clock=time.perf_counter).run()
@@ -88,14 +88,14 @@ def drive(job: EpisodeJob) -> EpisodeResult:
 def drive_all(
     jobs: Sequence[EpisodeJob], workers: Workers, time_limit: float
 ) -> Iterator[Tuple[EpisodeJob, EpisodeResult]]:
-    """Yield each episode as it ends; what was lost is a failed result that says how."""
+    """Yield each episode with its result as it ends, with a failed one where the work was lost."""
     for job, result in workers.run(drive, jobs, time_limit):
         yield job, job.task.failed(job.seed, str(result)) if isinstance(result, Lost) else result
 
 
 @contextmanager
 def _computing_limited_to(seconds: float) -> Iterator[None]:
-    """Throw Hung into what computes longer; only a process's main thread can be interrupted so."""
+    """Raise Hung in the `with` block after so many seconds of CPU time; without effect outside of the main thread."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return

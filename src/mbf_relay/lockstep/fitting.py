@@ -1,7 +1,7 @@
-"""The nodes' parameters, fitted to another robot than the one they were written for.
+"""Derives the nodes' parameters for another robot than the one they were tuned for.
 
-Lengths scale with the robot, cells with its width, speeds and accelerations are its own, ranges its lidar's; what a
-parameter weighs stays.
+Lengths scale with the robot's size and cells with its width; speeds and accelerations are set to the robot's limits and
+ranges to its lidar's. Weights of costs and critics stay.
 """
 
 from __future__ import annotations
@@ -18,23 +18,25 @@ from mbf_relay.simulation.parameters import SimulationParameters
 from mbf_relay.simulation.robot import CAR, OMNIDIRECTIONAL, RobotModel
 
 SERVER = "move_base_flex"
+"""Name of the node's parameter file."""
 STRAIGHT = 0.74
-"""Of what its wheels' rims can accelerate, a robot's share for driving straight; the rest is for turning at once.
+"""Share of the wheels' acceleration that is used for acc_lim_x; the rest is left for turning at the same time.
 
-A wheel that is asked for all of it by both never catches up, and the robot goes on turning after it is told not to.
+With full limits for both, an outer wheel cannot follow, and the robot goes on turning after it is told not to.
 """
 LOOK_AHEAD = 0.5
-"""Seconds of driving at top speed that a controller looks ahead at least."""
+"""Least lookahead distance of a controller, as time (s) at top speed."""
 CARS_PROGRESS = 0.5 * math.pi
-"""Radians of a turn that show that a car gets on: in several moves it turns round for long, in one place."""
+"""oscillation_angle (rad) of a car: it takes long to turn round in several moves, during which it stays in one place.
+"""
 
 
 def fitted(settings: Settings, robot: RobotModel) -> Settings:
     """Return the settings with costmaps, controllers, recoveries and localization fitted to a robot.
 
     Args:
-        settings: Of the robot they name now, whose footprint the costmaps have.
-        robot: The other one; what the simulator takes of it is for the caller to name.
+        settings: Parameters for another robot, whose footprint is the local costmap's. A copy is changed.
+        robot: The robot to fit them to. The simulator's parameters are left to the caller.
     """
     made = copy.deepcopy(settings)
     server = made[SERVER]
@@ -68,11 +70,11 @@ def _fit_costmap(
     """Fit a costmap's parameters in place.
 
     Args:
-        group: They.
-        robot, limits: What drives, and how fast and how far it sees.
-        scale: How much larger it is than the robot they were for.
-        wider: How much wider, by which cells are up to four times as coarse or as fine: a long robot fits through gaps
-            no wider than a short one does, and cells coarse by its length would leave it no room in them.
+        group: The costmap's parameters.
+        robot, limits: The robot, its speeds and its lidar's range.
+        scale: Its length or width, the larger, in relation to that of the robot the parameters are for.
+        wider: Its width in relation. Cells scale by this, up to a factor of four, and not by its length: a long robot
+            goes through gaps as narrow as a short one does, and coarse cells would close them.
     """
     group["footprint"] = robot.footprint.tolist()
     group["inflation_radius"] *= scale
@@ -90,12 +92,12 @@ def _fit_costmap(
 def _fitted_controller(
     group: Mapping[str, Any], robot: RobotModel, limits: SimulationParameters, scale: float
 ) -> Dict[str, Any]:
-    """Return a controller's parameters for the robot; each takes of them what it has.
+    """Return a controller's parameters with those changed that are set in `group` and depend on the robot.
 
     Args:
-        group: Those it has.
-        robot, limits: What drives, and how fast.
-        scale: How much larger it is than the robot they were for.
+        group: The controller's parameters, of any type of controller.
+        robot, limits: The robot, its speeds and accelerations.
+        scale: Its size in relation to that of the robot the parameters are for.
     """
     made = copy.deepcopy(dict(group))
     speed, turn = limits.max_speed, 0.95 * limits.max_turn_rate
@@ -120,13 +122,13 @@ def _fitted_controller(
 
 
 def _fit_samples(made: Dict[str, Any], robot: RobotModel, values: Mapping[str, float], scale: float) -> None:
-    """Fit in place what the controller of drawn drives alone has.
+    """Fit in place the parameters that only MPPI has.
 
     Args:
-        made: Its parameters.
-        robot: What drives.
-        values: Its limits, by name.
-        scale: How much larger it is than the robot they were for.
+        made: MPPI's parameters.
+        robot: The robot.
+        values: Values for the robot, by parameter.
+        scale: Its size in relation to that of the robot the parameters are for.
     """
     made["motion_model"] = {CAR: "Ackermann", OMNIDIRECTIONAL: "Omni"}.get(robot.drive, "DiffDrive")
     if robot.drive == CAR:
@@ -139,5 +141,5 @@ def _fit_samples(made: Dict[str, Any], robot: RobotModel, values: Mapping[str, f
 
 
 def _that_steer(server: Mapping[str, Any]) -> List[Dict[str, str]]:
-    """Return the controllers that know a car, those whose motion model says so."""
+    """Return the entries of the controllers that have a motion_model and thus can drive a car."""
     return [entry for entry in server["controllers"] if "motion_model" in server.get(entry["name"], {})]

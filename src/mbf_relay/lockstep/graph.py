@@ -1,4 +1,4 @@
-"""The nodes' parts joined as topics and tf join the nodes, advanced step by step."""
+"""Simulation, localization, costmaps and navigation, connected as the nodes are by topics and tf, and stepped."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ from mbf_relay.simulation.robot import FOOTPRINT_FRAME
 
 
 class _Updated(NamedTuple):
-    """A costmap, how often it is updated, and how often that is tried until it is for the first time."""
+    """A costmap with its update rate, and the rate at which the first update is tried."""
 
     costmap: Costmap
     usual: Rate
@@ -46,12 +46,12 @@ class _Updated(NamedTuple):
 
     @property
     def rate(self) -> Rate:
-        """That in force."""
+        """The rate in force."""
         return self.usual if self.costmap.updates else self.first
 
 
 class StepReport(NamedTuple):
-    """What a step brought: what the robot touches, and whether navigation was advanced."""
+    """Result of a step: what the robot touches, and whether navigation was updated."""
 
     contacts: Tuple[Contact, ...]
     navigated: bool
@@ -62,26 +62,25 @@ class Graph:
 
     Attributes:
         simulation: The world and the robot in it.
-        robot: What navigation sees of the robot.
+        robot: The robot's interface for navigation.
         navigator: Planners, controllers, recoveries and move_base.
         costmaps: "global" and "local".
         map_frame: Frame of goals.
-        laser_in_base: Where the lidar is in base_footprint.
-        steps: Steps of the simulation so far.
-        time_step: Seconds of one.
+        laser_in_base: Pose of the lidar in base_footprint.
+        steps: Number of simulation steps so far.
     """
 
     def __init__(
         self, task: EpisodeTask, setup: Setup, seed: int, stages: Stages, on_command: Callable[[float, Twist2D], None]
     ) -> None:
-        """Build the parts.
+        """Build and connect the parts.
 
         Args:
             task: The world.
             setup: The parameters.
-            seed: Of all chance.
-            stages: Where times are summed up.
-            on_command: Told time (s) and velocity of each command.
+            seed: Seed of all random numbers.
+            stages: Sums up computing times.
+            on_command: Called with the time (s) and velocity of each command.
 
         Raises:
             ValueError: A parameter is wrong.
@@ -109,19 +108,19 @@ class Graph:
             oldest = limits.oldest_pose(self.costmaps.values())
             self.robot.limit_ages(lambda: self.now, oldest, limits.odom_timeout)
             self._controller = self.navigator.controllers.plugin(self.navigator.controllers.choose(setup.controller))
-            self.navigator.planners.choose(setup.planner)  # one that is not there is told now, not at the goal
+            self.navigator.planners.choose(setup.planner)  # raises now, not at the first goal, if it does not exist
         except BaseException:
             self.close()
             raise
         self.steps = 0
         self._scans: Deque[LaserScan] = deque()
-        self._timing = ScanTiming() if self.simulation.parameters.scan_skew else None  # else there is nothing to learn
+        self._timing = ScanTiming() if self.simulation.parameters.scan_skew else None  # else beams have one time
         self._next_update = self._updated_at = -math.inf
 
     def _locate(
         self, task: EpisodeTask, setup: Setup, amcl: AmclParameters, known: Optional[OccupancyMap], seed: int
     ) -> None:
-        """Set up where the pose comes from."""
+        """Set up the source of map → odom."""
         self._follows_truth = setup.localization == TRUTH
         if setup.localization == ODOMETRY:
             self.robot.map_from_odom = task.world.start  # odometry begins at zero
@@ -138,7 +137,7 @@ class Graph:
         if known is not None:
             for costmap in self.costmaps.values():
                 costmap.set_map(known)
-        self._monitors = {  # of the one lidar, by the gaps that its sources allow
+        self._monitors = {  # one for each largest_gap that an observation source allows, all of the one lidar
             source.largest_gap: ScanMonitor(source.largest_gap)
             for costmap in self.costmaps.values() for source in costmap.sources.values()
         }
@@ -149,7 +148,10 @@ class Graph:
             self._updated.append(_Updated(costmap, usual, first if frequency < FIRST_TRIES else usual))
 
     def _share_scans(self) -> None:
-        """Have the global costmap's layers find nothing twice, for the local one's frame never moves in theirs."""
+        """Let the global costmap's layers reuse what the local ones find in a scan, where both frames do not move.
+
+        See `Layer.share`.
+        """
         local, known = self.costmaps["local"], self.costmaps["global"]
         if {local.frame, known.frame} <= self.robot.fixed_frames:
             for layer, other in itertools.product(known.layers, local.layers):
@@ -157,7 +159,7 @@ class Graph:
 
     @property
     def goal_tolerance(self) -> Optional[GoalTolerance]:
-        """How near is there for the controller that drives; None for one that does not say."""
+        """Goal tolerance of the controller in use; None where it does not declare one."""
         return self._controller.goal_tolerance
 
     @property
@@ -176,7 +178,7 @@ class Graph:
         return self.steps * self.time_step
 
     def waits_for(self) -> Optional[str]:
-        """Return what is missing before a goal can be sent, None where nothing is."""
+        """Return what is still missing before a goal can be sent; None where nothing is."""
         try:
             self.robot.pose_in(self.map_frame)
         except TransformError as error:
@@ -192,12 +194,12 @@ class Graph:
         return None
 
     def navigate(self, goal: NavigateGoal) -> Task[NavigateResult]:
-        """Send the robot somewhere; a running goal ends."""
+        """Send a goal, which preempts a running one; return its task."""
         self._next_update = -math.inf
         return self.navigator.move_base(goal)
 
     def step(self, most: int = 1) -> StepReport:
-        """Advance by at most so many steps of the simulation, to the first at which something is due, and do that."""
+        """Advance the simulation to the next step at which something is due, by `most` steps at most, and do that."""
         most = min(most, self._steps_to_navigation(), *(each.rate.steps_left(self.steps) for each in self._updated))
         with self._stages.stage("simulation"):
             steps, observations = self.simulation.advance(most)
@@ -217,12 +219,15 @@ class Graph:
         return StepReport(observations.contacts, self._navigate())
 
     def _steps_to_navigation(self) -> int:
-        """Return how many steps may pass before navigation is due; never too many."""
+        """Return the number of steps until navigation is due, rounded down; 1 at least."""
         steps = (self._next_update - 1e-9 - self.now) * self.simulation.parameters.physics_rate
         return int(min(1e9, max(1.0, steps)))
 
     def _navigate(self) -> bool:
-        """Advance navigation where it is due; plugins run inline, so what is due changes by its own updates alone."""
+        """Update navigation where it is due; return whether it was.
+
+        Plugins run inline, so that only its own updates change when it is due next.
+        """
         now = self.now
         if self._updated_at <= now < self._next_update - 1e-9:  # time may be set back
             return False
@@ -233,11 +238,12 @@ class Graph:
         return True
 
     def close(self) -> None:
-        """Free the physics."""
+        """Free the physics engine."""
         self.simulation.close()
 
     def _take_scan(self, scan: LaserScan) -> None:
-        """Localize by a scan, then show it to the costmaps, each from where the robot was when it was taken."""
+        """Update localization with a scan, then the costmaps' observations, from the robot's pose at the scan's time.
+        """
         raw = scan
         if self._timing is not None:
             self._timing.take(raw, self._laser_at)
@@ -245,12 +251,12 @@ class Graph:
         try:
             odom_pose = self.robot.odometry_at(scan.stamp)
         except TransformError:
-            return  # taken while there was no odometry
+            return  # no odometry is kept of that time
         if self._localizer is not None:
             with self._stages.stage("localization"):
                 self._localizer.process(odom_pose, scan, self.laser_in_base)
                 self.robot.map_from_odom = self._localizer.map_from_odom
-        points: Dict[bool, Tuple[np.ndarray, np.ndarray]] = {}  # of the scan; by whether infinity shows free space
+        points: Dict[bool, Tuple[np.ndarray, np.ndarray]] = {}  # the scan's points, by inf_is_valid
         unseen_at = unseen_points(scan)
         with self._stages.stage("costmaps"):
             forward, laser_in_odom = -self.laser_in_base.theta, odom_pose.compose(self.laser_in_base)
@@ -297,9 +303,12 @@ class Graph:
 
 
 def _simulation_parameters(setup: Setup) -> SimulationParameters:
-    """Return the simulator's parameters without the sensors nobody listens to; each sensor has its own chance."""
+    """Return the simulator's parameters with sensors switched off that nothing reads here.
+
+    That changes no other sensor's noise, as each has a random generator of its own.
+    """
     values = setup.settings["simulator"]
-    if setup.robot is not None:  # which came with the setup, though its file may not lie here
+    if setup.robot is not None:  # sent with the setup to a worker that may not have the robot's file
         own = {name: value for name, value in values.items() if name != "robot"}
         values = {**SimulationParameters.known(setup.robot.settings), **SimulationParameters.known(own)}
     parameters = SimulationParameters.from_mapping(values)

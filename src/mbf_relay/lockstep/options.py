@@ -1,4 +1,4 @@
-"""Options that the commands over many drives share."""
+"""Command line options common to the batch and tune commands."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from mbf_relay.lockstep.setup import LOCALIZATIONS, MAPS, Setup, make_setup
 from mbf_relay.lockstep.tasks import MAP_RESOLUTION, EpisodeTask, have_maps
 
 TIME_LIMIT = 900.0
-"""Seconds of computing after which an episode counts as hung; a circle takes one to five."""
+"""Seconds of CPU time after which an episode counts as hung; a circle takes one to five."""
 
 
 def add_setup_options(parser: argparse.ArgumentParser) -> None:
-    """Add what says how an episode is driven."""
+    """Add the options on how episodes are driven."""
     parser.add_argument(
         "--localization", choices=LOCALIZATIONS,
         help="source of the robot's pose; truth is the simulator's (default amcl; odometry without a map)",
@@ -59,15 +59,15 @@ def add_setup_options(parser: argparse.ArgumentParser) -> None:
 
 
 def setup_of(options: argparse.Namespace, tasks: Sequence[EpisodeTask], changes: Sequence[str] = ()) -> Setup:
-    """Return the setup that the options of `add_setup_options` ask for.
+    """Return the setup by the options of `add_setup_options`.
 
     Args:
-        options: As they were given.
+        options: The parsed options.
         tasks: The worlds to drive.
-        changes: Changes "a.b=c" after those of the options.
+        changes: Further changes "a.b=c", applied after those of the options.
 
     Raises:
-        ValueError: As of `make_setup` and `have_maps`.
+        ValueError: See `make_setup` and `have_maps`.
     """
     return make_setup(
         config_folder(), options.localization, options.map, options.controller, options.planner,
@@ -76,7 +76,7 @@ def setup_of(options: argparse.Namespace, tasks: Sequence[EpisodeTask], changes:
 
 
 def add_worker_options(parser: argparse.ArgumentParser) -> None:
-    """Add what says where work is done."""
+    """Add the options on processes and cluster."""
     parser.add_argument(
         "--jobs", type=positive, default=os.cpu_count() or 1, metavar="N",
         help="processes on this machine (default: number of cores); 1 works in this process",
@@ -104,7 +104,7 @@ def seeds(text: str) -> List[int]:
 
 
 def share(text: str) -> float:
-    """Return a share, 0 to 1."""
+    """Return the fraction, 0 to 1, that a text states."""
     try:
         value = float(text)
     except ValueError:

@@ -1,4 +1,4 @@
-"""What a user's own code consists of: a module, and all it imports that is his as well."""
+"""The source files of a user's plugin: its module, and all modules of the user's that it imports."""
 
 from __future__ import annotations
 
@@ -10,23 +10,25 @@ from pathlib import Path
 from typing import Dict, Iterator, List, Optional
 
 PACKAGE = __name__.split(".")[0]
+"""Name of this package."""
 INSTALLED = {"site-packages", "dist-packages"}
-"""Folders of what others wrote, such as NumPy, whose versions are not told here."""
+"""Folders of installed packages, such as NumPy, which are not the user's code."""
 STANDARD = Path(sysconfig.get_paths()["stdlib"]).resolve()
+"""Folder of Python's standard library."""
 
 
 def own_modules(name: str) -> Dict[str, bytes]:
-    """Return the contents of a module and of all it imports, at once or later, by their names.
+    """Return the contents of a module's file and of all it imports, also inside functions, by the modules' names.
 
-    Left out are Python's own modules, this package's, and installed ones but for those of the module's own package:
-    so the same code has the same contents wherever it lies.
+    Left out are Python's standard library, this package, and installed packages other than the module's own. So the
+    same code has the same contents on every machine.
 
     Args:
-        name: Of the module, with its package's.
+        name: Full name of the module.
 
     Raises:
-        OSError: One cannot be read.
-        SyntaxError: It is no Python.
+        OSError: A file cannot be read.
+        SyntaxError: A file is no valid Python.
     """
     found: Dict[str, bytes] = {}
     own = name.split(".")[0]
@@ -49,7 +51,8 @@ def own_modules(name: str) -> Dict[str, bytes]:
 
 
 def _is_own(top: str, own: str) -> bool:
-    """Return whether a package or module at the top level is the user's; `own` is without a look."""
+    """Return whether a top-level package or module is the user's: `own`, or one that is neither standard nor installed.
+    """
     if top in (own, PACKAGE):
         return top == own
     spec = _spec(top)
@@ -59,15 +62,15 @@ def _is_own(top: str, own: str) -> bool:
 
 
 def _spec(name: str) -> Optional[ModuleSpec]:
-    """Return where a module lies; None where there is none. Its package is imported for that."""
+    """Return a module's spec, None where there is no such module; importlib imports its package for that."""
     try:
         return importlib.util.find_spec(name)
-    except Exception:  # whatever a user's package does when it is run, or a name that is no module
+    except Exception:  # a user's package may raise anything when it is imported
         return None
 
 
 def _imports(package: str, content: bytes) -> Iterator[str]:
-    """Yield the names of what a module of a package may import: modules, and what may be one."""
+    """Yield the full names of what a module imports; of `from a import b` both a and a.b, which may be a module."""
     for node in ast.walk(ast.parse(content)):
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names)

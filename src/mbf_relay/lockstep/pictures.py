@@ -1,4 +1,4 @@
-"""Pictures of episodes: a sheet with all of them, and one of each failure."""
+"""Pictures of episodes: a contact sheet of all, and a larger one of each failure."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from mbf_relay.report.drive import SUCCEEDED, ContactRecord, Drive, GoalRecord
 from mbf_relay.whole_files import write_whole
 
 TILE, CAPTION, GAP = 220, 34, 6
-"""Pixels: side of a tile's picture, height of the text under it, space between tiles."""
+"""Pixels: side of a tile's picture, height of its caption, space between tiles."""
 
 WALL, WAY, TRACK, START, GOAL, BAD, INK = (
     (60, 60, 60),
@@ -28,19 +28,21 @@ WALL, WAY, TRACK, START, GOAL, BAD, INK = (
     (201, 42, 42),
     (40, 40, 40),
 )
+"""Colours (RGB) of walls, movers' ways, trajectory, start, goals reached, what failed, and text."""
 FINER = 4
-"""Drawn in a pixel's width and then averaged, because Pillow draws lines with steps."""
+"""Factor by which tiles are drawn larger and then averaged (antialiasing, which Pillow's lines lack)."""
 HEIGHT = 0.1
-"""Height (m) above the ground at which the world is shown."""
+"""Height (m) above the ground at which the world is cut for the picture."""
 
 Shown = Tuple[EpisodeTask, EpisodeResult]
+"""An episode to draw."""
 
 
 def contact_sheet(drawn: Sequence[np.ndarray], path: Path) -> None:
-    """Write one picture of all tiles, a landscape sheet.
+    """Write one picture of all tiles, wider than high; nothing where there are none.
 
     Args:
-        drawn: Tiles, see `tile`.
+        drawn: The tiles, see `tile`.
         path: File to write (PNG).
     """
     if not drawn:
@@ -59,12 +61,12 @@ def contact_sheet(drawn: Sequence[np.ndarray], path: Path) -> None:
 
 
 def tiles(shown: Sequence[Shown]) -> List[np.ndarray]:
-    """Return the picture of each of some episodes."""
+    """Return the tile of each episode; see `tile`."""
     return [tile(task, result) for task, result in shown]
 
 
 def tile(task: EpisodeTask, result: EpisodeResult) -> np.ndarray:
-    """Return the picture of one episode, framed red where it failed, shape (TILE + CAPTION, TILE, 3)."""
+    """Return the picture of one episode, with a red frame where it failed, shape (TILE + CAPTION, TILE, 3), uint8."""
     view, colour = _View(task, result), _colour(result)
     drawing = Image.new("RGB", (FINER * TILE, FINER * TILE), "white")
     pen = ImageDraw.Draw(drawing)
@@ -90,7 +92,10 @@ def tile(task: EpisodeTask, result: EpisodeResult) -> np.ndarray:
 
 
 def failure(shown: Sequence[Shown]) -> bytes:
-    """Return the report's picture (PNG) of one episode: map, way, belief, speeds and errors over time."""
+    """Return the drive report's picture (PNG) of an episode: map, true and estimated path, speeds and errors over time.
+
+    `shown` holds that one episode, as it is the argument of a piece of work.
+    """
     from mbf_relay.report.picture import draw  # needs matplotlib, which drives do not
 
     ((task, result),) = shown
@@ -100,7 +105,7 @@ def failure(shown: Sequence[Shown]) -> bytes:
 
 
 def drive_of(task: EpisodeTask, result: EpisodeResult) -> Drive:
-    """Return an episode as the report's record of a drive."""
+    """Convert an episode to a Drive, as the drive report takes it."""
     rows = result.trajectory
     starts = (0.0,) + result.goal_times
     goals = [
@@ -119,9 +124,10 @@ def drive_of(task: EpisodeTask, result: EpisodeResult) -> Drive:
 
 
 class _View:
-    """Takes metres to pixels so that the whole drive fits into a tile."""
+    """Conversion from metres to a tile's pixels, such that the whole drive is visible."""
 
     MARGIN = 0.6
+    """Metres shown around the drive."""
 
     def __init__(self, task: EpisodeTask, result: EpisodeResult) -> None:
         points = [task.world.start[:2]] + [goal[:2] for goal in task.goals] + [row[1:3] for row in result.trajectory]
@@ -130,7 +136,7 @@ class _View:
         self._left, self._top = (low + high) / 2.0 + np.array([-1.0, 1.0]) * FINER * TILE / 2.0 / self._scale
 
     def pixels(self, points: np.ndarray) -> np.ndarray:
-        """Return where points (m), shape (..., 2), are in the drawing, x to the right, y down, FINER to a pixel."""
+        """Return the coordinates of points (m), shape (..., 2), in the drawing: x right, y down, FINER per pixel."""
         return np.asarray((points - (self._left, self._top)) * (self._scale, -self._scale))
 
 
@@ -141,7 +147,7 @@ def _dot(pen: ImageDraw.ImageDraw, view: _View, pose: Pose2D, colour: Tuple[int,
 
 
 def _caption(pen: ImageDraw.ImageDraw, text: str, top: int, colour: Tuple[int, int, int]) -> None:
-    known = text.encode("latin-1", "replace").decode("latin-1")  # Pillow's own font has no other letters
+    known = text.encode("latin-1", "replace").decode("latin-1")  # the characters of Pillow's default font
     pen.text((6, top), known, colour, ImageFont.load_default())
 
 

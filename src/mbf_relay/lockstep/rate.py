@@ -1,4 +1,4 @@
-"""When things are due on a clock that advances by fixed steps."""
+"""Periodic events on a clock that advances by fixed steps."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import math
 
 
 class Rate:
-    """Is due at the first step at or after each multiple of its period; exact, for it counts steps."""
+    """Due at the first step at or after each multiple of its period; it counts steps, so that no rounding adds up."""
 
     def __init__(self, frequency: float, time_step: float) -> None:
         """Make a rate.
@@ -32,7 +32,10 @@ class Rate:
         return max(1, self._due - step)
 
     def is_due(self, step: int) -> bool:
-        """Return whether something is due at step number `step`; asked with rising numbers, at least when it is."""
+        """Return whether it is due at step number `step`, and if so, advance to the next time.
+
+        To be called with rising numbers, and with at least each step at which it is due.
+        """
         if step < self._due:
             return False
         self._due = math.ceil((int((step + 1e-6) / self._steps) + 1) * self._steps - 1e-6)

@@ -1,4 +1,4 @@
-"""What an episode notes while it is driven, and the figures made of it in the end."""
+"""The record of an episode while it is driven, and the metrics computed from it at the end."""
 
 from __future__ import annotations
 
@@ -20,25 +20,25 @@ from mbf_relay.simulation.contacts import Contact
 from mbf_relay.simulation.robot import OMNIDIRECTIONAL, RobotModel
 
 SAMPLING = 10.0
-"""Hz at which the drive is noted."""
+"""Rate (Hz) at which poses are recorded."""
 
 
 class Record:
-    """Truth, belief and commands of one drive, in the world's frame.
+    """True poses, estimated poses and commands of one drive, in the world's frame.
 
     Attributes:
-        recoveries: How many recovery behaviours were begun.
-        touches: What the robot touched.
+        recoveries: Number of recovery behaviours started.
+        touches: Contacts of the robot.
     """
 
     def __init__(self, task: EpisodeTask, seed: int, start_time: float, robot: RobotModel) -> None:
         """Begin the record of a drive.
 
         Args:
-            task: What is driven.
+            task: The task.
             seed: Seed of the episode.
-            start_time: When (s) the simulation's movers began to move.
-            robot: What drives.
+            start_time: Simulated time (s) at which the movers began to move.
+            robot: The robot.
         """
         self._task, self._seed, self._start_time, self._robot = task, seed, start_time, robot
         self._times: List[float] = []
@@ -49,7 +49,7 @@ class Record:
         self.touches = Touches()
 
     def note(self, now: float, truth: Pose2D, believed: Pose2D) -> None:
-        """Note where the robot is and where it believes to be, once per time."""
+        """Record the robot's true and estimated pose at a time (s); a second call at the same time is ignored."""
         if self._times and self._times[-1] == now:
             return
         self._times.append(now)
@@ -58,27 +58,25 @@ class Record:
         self._hash.update(struct.pack("<7d", now, *truth, *believed))
 
     def note_contacts(self, now: float, contacts: Iterable[Contact], truth: Pose2D) -> None:
-        """Note what the robot touches at a time (s) and where it is then, in the world's frame."""
+        """Record what the robot touches at a time (s), with its true pose in the world's frame."""
         latest = -2 if self._times[-1] == now and len(self._times) > 1 else -1
         self.touches.note(now, contacts, (self._times[latest], self._truth[latest]), truth)
 
     def note_command(self, now: float, velocity: Twist2D) -> None:
-        """Note a velocity sent to the wheels."""
+        """Record a commanded velocity at a time (s)."""
         self._hash.update(struct.pack("<4d", now, *velocity))
 
     def result(
         self, outcome: str, message: str, top_speed: float, reached: List[float],
         tolerance: Optional[GoalTolerance], machine: Dict[str, Any],
     ) -> EpisodeResult:
-        """Return what the drive came to.
+        """Return the result with all metrics.
 
         Args:
-            outcome: See EpisodeResult.
-            message: Why.
-            top_speed: Of the robot (m/s), for the score.
+            outcome, message, machine: See EpisodeResult.
+            top_speed: The robot's top speed (m/s), for the score.
             reached: Times (s) at which goals were reached.
-            tolerance: Of the controller; None where it does not decide what is reached, or does not say.
-            machine: See EpisodeResult.
+            tolerance: The controller's; None where the task's radius decides, or the controller declares none.
         """
         task, success = self._task, outcome == outcomes.SUCCEEDED
         times, truth = np.array(self._times), np.array(self._truth, dtype=float).reshape(-1, 3)
@@ -90,7 +88,7 @@ class Record:
         errors = np.hypot(*(believed - truth)[:, :2].T)
         reference = task.reference_path_length
         near = clearances(task.world, times - self._start_time, truth, self._robot)
-        periods = np.diff(times)  # up to each sample but the first
+        periods = np.diff(times)
         around = near.to_any[np.isfinite(near.to_any)]
         to_movers = near.to_movers.min(axis=0, initial=np.inf)
         return EpisodeResult(
@@ -119,7 +117,7 @@ class Record:
 
 
 def velocities(times: np.ndarray, poses: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return forward (m/s) and angular (rad/s) velocities between poses, each of shape (N,), the first ones zero.
+    """Return forward (m/s) and angular (rad/s) velocities from each pose before, each of shape (N,), the first zero.
 
     Args:
         times: Shape (N,), seconds, rising.
@@ -134,7 +132,7 @@ def velocities(times: np.ndarray, poses: np.ndarray) -> tuple[np.ndarray, np.nda
 
 
 def speeds(times: np.ndarray, poses: np.ndarray) -> np.ndarray:
-    """Return speeds (m/s) between poses, whichever way they lead; arguments and shape as for `velocities`."""
+    """Return speeds (m/s) from each pose before, in whatever direction; arguments and shape as for `velocities`."""
     steps = np.diff(poses[:, :2], axis=0)
     return np.concatenate(([0.0], np.hypot(steps[:, 0], steps[:, 1]) / np.diff(times)))
 
@@ -142,14 +140,14 @@ def speeds(times: np.ndarray, poses: np.ndarray) -> np.ndarray:
 def waits(
     times: np.ndarray, poses: np.ndarray, goals: Sequence[Pose2D], reached: Sequence[float], tolerance: GoalTolerance
 ) -> Tuple[float, ...]:
-    """Return for how long (s) the robot had been within tolerance of each goal, without a break, when it was reached.
+    """Return how long (s) the estimated pose had been within tolerance of each goal, without a break, once reached.
 
     Args:
         times: Shape (N,), seconds, rising.
-        poses: Shape (N, 3) as x, y, theta in metres and radians, where the robot believed to be.
+        poses: Estimated poses, shape (N, 3) as x, y, theta in metres and radians.
         goals: In the order they were reached; those never reached may follow.
-        reached: When (s).
-        tolerance: How near is there.
+        reached: Times (s) at which they were reached.
+        tolerance: The controller's goal tolerance.
     """
     found = []
     for goal, end in zip(goals, reached):

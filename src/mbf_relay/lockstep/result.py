@@ -1,4 +1,4 @@
-"""What one episode came to."""
+"""The result of an episode: outcome and metrics, and their form as a line of JSON."""
 
 from __future__ import annotations
 
@@ -18,60 +18,56 @@ TIMEOUT = "TIMEOUT"
 ERROR = "ERROR"
 
 CLOSE = 0.1
-"""Metres between hull and obstacle below which a drive counts as close: half a burger's width."""
+"""Clearance (m) below which time counts as close_time: about half the width of a turtlebot3 burger."""
 PERSONAL_SPACE = 1.2
-"""Metres to a person within which a stranger is felt to be too near: Hall's personal distance (The Hidden Dimension,
-1966)."""
-
+"""Distance (m) to a person below which a stranger is felt to be too near: the outer limit of personal distance in
+Hall, The Hidden Dimension (1966)."""
 
 MOST_BYTES = 180
-"""Bytes of a world's name in a file's, which may have 255 with its ending."""
+"""Bytes of a world's name in a file name, which may have 255 with seed and ending."""
 
 
 @dataclasses.dataclass(frozen=True)
 class EpisodeResult:
-    """One drive: what happened, how well, and (apart from it) how long the computer took.
+    """One drive: its outcome and metrics, and computing times.
 
-    Everything but `message` and `machine` is decided by world, parameters and seed alone.
+    Everything but `message` and `machine` depends on world, parameters and seed alone.
 
     Attributes:
         world: Name of the world.
-        seed: Seed of everything random.
-        success: All goals reached, in time, without a contact.
-        outcome: SUCCEEDED, CONTACT, TIMEOUT, ERROR (the episode could not be driven), or the outcome navigation ended
-            with.
-        message: Why, for people.
-        goals_reached, goals: How many of how many.
-        contacts: How often the robot came to touch something that is not the ground.
-        contacts_at_fault: Of them, those at which it moved towards what it touched; see Touches.
-        contact_times: Seconds at which each contact began.
-        time: Seconds driven, on the simulation's clock.
-        time_limit: Seconds allowed.
+        seed: Seed of all random numbers.
+        success: All goals were reached, in time, without a contact.
+        outcome: SUCCEEDED, CONTACT, TIMEOUT, ERROR (the episode could not be driven), or the name of navigation's
+            outcome.
+        message: Reason of the outcome, for people.
+        goals_reached, goals: Number of goals reached, and of all.
+        contacts: How often the robot came into contact with anything but the ground.
+        contacts_at_fault: Those of them in which it moved towards what it touched; see Touches.
+        contact_times: Time (s) at which each contact began, from the start of the drive.
+        time: Simulated seconds driven.
+        time_limit: Simulated seconds allowed.
         path_length: Metres driven.
-        smallest_clearance: Least distance (m) between the robot's hull and anything standing; None where nothing
-            stands.
-        mean_clearance: The same distance over the whole drive, mean (m).
-        close_time: Seconds within CLOSE of anything.
-        closest_approach: Least distance (m) between the robot's hull and anything that moves by itself; None where
-            nothing does.
-        time_to_collision: Least time (s) to meeting what moves by itself, had both gone on closing in; None where they
-            never did.
-        personal_space_time: Seconds within PERSONAL_SPACE of anything that moves by itself.
-        recoveries: How many recovery behaviours were begun.
-        reference_path_length: Length (m) of a good way, where the world states one.
-        score: Success weighed with the time taken (BARN's); None where the world states no reference path.
-        localization_error_mean, localization_error_max: Metres between the true and the believed position.
-        heading_error_mean: Radians between the true and the believed heading.
-        final_error: Metres between the true final position and the last goal.
+        smallest_clearance: Least distance (m) between the robot's hull and any body; None in an empty world.
+        mean_clearance: Mean distance (m) between the robot's hull and the nearest body; None in an empty world.
+        close_time: Seconds with less than CLOSE between hull and any body.
+        closest_approach: Least distance (m) between the robot's hull and any mover; None where there are none.
+        time_to_collision: Least time to collision (s) with any mover; None where they never approached each other.
+        personal_space_time: Seconds with less than PERSONAL_SPACE between hull and any mover.
+        recoveries: Number of recovery behaviours started.
+        reference_path_length: Length (m) of a good path, where the world states one.
+        score: BARN's score, see `score`; None where the world states no reference path.
+        localization_error_mean, localization_error_max: Distance (m) between true and estimated position.
+        heading_error_mean: Mean difference (rad) between true and estimated heading.
+        final_error: Distance (m) between the true final position and the last goal.
         smoothness: See Smoothness.
-        goal_times: Seconds at which each goal was reached.
-        goal_waits: Seconds for which it had believed itself within the controller's tolerance of each by then; empty
-            where the task's radius decides.
-        trajectory: Shape (N, 6): time, x, y, theta, forward and angular velocity of the truth (s, m, rad, m/s, rad/s),
-            rounded for the file. Of two results that are compared the digest tells whether they differ in it.
-        believed: Shape (N, 3): x, y, theta of what the robot believed at the same times.
-        digest: Hash over the unrounded trajectory and every velocity commanded: equal digests are equal drives.
-        machine: What depends on the machine and the day: seconds per stage, wall time, memory.
+        goal_times: Time (s) at which each goal was reached, from the start of the drive.
+        goal_waits: How long (s) the estimated pose had been within the controller's tolerance of each goal by then;
+            empty where the task's radius decides.
+        trajectory: Shape (N, 6): time, true x, y, theta, forward and angular velocity (s, m, rad, m/s, rad/s), rounded
+            for the file. Results are compared by `digest` instead.
+        believed: Shape (N, 3): estimated x, y, theta at the same times.
+        digest: Hash over the unrounded trajectory and all commanded velocities: equal digests are equal drives.
+        machine: What depends on the machine: seconds per stage, wall time (s), memory (MiB).
     """
 
     world: str
@@ -109,12 +105,12 @@ class EpisodeResult:
     machine: Mapping[str, Any] = dataclasses.field(default_factory=dict)
 
     def drive(self) -> Dict[str, Any]:
-        """Return what equal seeds must give equally: everything but the texts and the machine's times."""
+        """Return all fields that must be equal for equal seeds: all but `message` and `machine`."""
         return {name: value for name, value in self._fields().items() if name not in ("message", "machine")}
 
     @property
     def stem(self) -> str:
-        """Name of files of this episode: its world's, without what a file system takes for a place, and its seed."""
+        """Name for this episode's files: the world's name with slashes and control characters escaped, and the seed."""
         name = re.sub("[/%\\x00-\\x1f]", lambda found: f"%{ord(found.group()):02X}", self.world)
         if len(name.encode()) > MOST_BYTES:
             whole = hashlib.sha256(name.encode()).hexdigest()[:16]
@@ -131,7 +127,7 @@ class EpisodeResult:
 
     @classmethod
     def from_line(cls, line: str) -> EpisodeResult:
-        """Return the result a line holds.
+        """Return the result of a line by `to_line`; unknown fields are ignored.
 
         Raises:
             ValueError: The line is broken; the text says how.
@@ -148,7 +144,7 @@ class EpisodeResult:
             values["smoothness"] = Smoothness(**values.get("smoothness", {}))
             for name in ("contact_times", "goal_times", "goal_waits"):
                 values[name] = tuple(values.get(name, ()))
-            for name, columns in (("trajectory", 6), ("believed", 3)):  # thousands of results are held at once
+            for name, columns in (("trajectory", 6), ("believed", 3)):  # arrays: thousands of results are held at once
                 values[name] = np.array(values.get(name, ()), dtype=float).reshape(-1, columns)
             return cls(**values)
         except TypeError as error:
@@ -159,9 +155,9 @@ def failed(world: str, seed: int, message: str, reference_path_length: Optional[
     """Return the result of an episode that could not be driven.
 
     Args:
-        world, seed: Which.
-        message: Why.
-        reference_path_length: Metres; where the world states it, score and SPL are 0, and count as such.
+        world, seed: Of the episode.
+        message: Why it could not be driven.
+        reference_path_length: Length (m) of the world's reference path; with one, score and SPL are 0, not missing.
     """
     return EpisodeResult(
         world, seed, False, ERROR, message, reference_path_length=reference_path_length,
@@ -170,9 +166,13 @@ def failed(world: str, seed: int, message: str, reference_path_length: Optional[
 
 
 def score(success: bool, time: float, reference_path_length: float, top_speed: float) -> float:
-    """Return BARN's score of one run.
+    """Return the score of the BARN challenge: success x OT / clip(T, 2 OT, 8 OT).
 
-    Success x OT / clip(T, 2 OT, 8 OT), OT the time of the reference path at top speed.
+    Args:
+        success: Whether the goal was reached without a contact.
+        time: T, the time taken (s).
+        reference_path_length: Length (m) of the reference path; OT is its time at top speed.
+        top_speed: The robot's top speed (m/s).
     """
     optimal = reference_path_length / top_speed
     return optimal / min(max(time, 2.0 * optimal), 8.0 * optimal) if success else 0.0

@@ -1,4 +1,4 @@
-"""Results on disk: a folder with one line per finished episode, which survives being killed at any moment."""
+"""Results of a batch on disk: one line of JSON per finished episode, valid also where the process was killed."""
 
 from __future__ import annotations
 
@@ -12,16 +12,18 @@ from mbf_relay.lockstep.result import ERROR, EpisodeResult
 from mbf_relay.whole_files import write_whole
 
 LINES = "episodes.jsonl"
+"""File with the results, appended line by line."""
 SETTINGS = "settings.json"
+"""File with what the results of a folder have in common; see `batch.settings_of`."""
 
 CODE = ("version", "sources", "plugins")
-"""Settings that tell what code has driven."""
+"""Settings that identify the code."""
 
 WORLDS = "world_digests"
-"""Setting that holds a hash of each world by its name: names alone do not tell an edited world from the one before."""
+"""Setting with a hash of each world by its name, by which an edited world of the same name is noticed."""
 
 Key = Tuple[str, int]
-"""World and seed: what tells the episodes of one batch apart."""
+"""World and seed, which identify an episode of a batch."""
 
 
 class ResultsFile:
@@ -32,11 +34,11 @@ class ResultsFile:
     """
 
     def __init__(self, folder: Path, settings: Mapping[str, Any]) -> None:
-        """Open or make the folder.
+        """Open the folder, or make it.
 
         Args:
-            folder: Where to keep the results.
-            settings: What was driven with which parameters; a folder holds the results of one such thing.
+            folder: Folder of the results.
+            settings: What all results of a folder must have in common; see `batch.settings_of`.
 
         Raises:
             ValueError: The folder holds results of other settings, or another batch is writing there.
@@ -56,14 +58,14 @@ class ResultsFile:
             raise
 
     def _end_last_line(self) -> None:
-        """End a line that a kill cut short, so that the next one starts on its own."""
+        """Append a line feed where the last line is incomplete, so that the next result starts on a new line."""
         size = os.fstat(self._descriptor).st_size
         if size and os.pread(self._descriptor, 1, size - 1) != b"\n":
             os.write(self._descriptor, b"\n")
 
     @property
     def results(self) -> List[EpisodeResult]:
-        """What was found and appended, the newest of each episode."""
+        """All results, those read and those appended; of one episode only the newest."""
         return list(self._results.values())
 
     @property
@@ -77,19 +79,20 @@ class ResultsFile:
         return {key for key, result in self._results.items() if result.outcome == ERROR}
 
     def append(self, result: EpisodeResult) -> None:
-        """Write a result; when this returns, it survives a crash of the machine; OSError where the disk is full."""
-        # First: an interrupt during the writing must not leave it out of the summary.
+        """Write a result and flush it to disk (fsync); raise OSError where that fails, as on a full disk."""
+        # First, so that the summary has it also where an interrupt comes during the writing.
         self._results[result.world, result.seed] = result
         left = (result.to_line() + "\n").encode()
         try:
-            while left:  # on a disk that fills, less is written than was asked for, and only the next try fails
+            while left:  # a disk that is nearly full takes a part; the next write then fails
                 left = left[os.write(self._descriptor, left):]
             os.fsync(self._descriptor)
         except OSError as error:
             raise OSError(error.errno, error.strerror, str(self._path)) from error
 
     def close(self) -> None:
-        """Release the folder; where nothing was driven, leave nothing there that a batch of other settings minds."""
+        """Close the file and release its lock; where there is no result, remove the files, and the folder if it is new.
+        """
         try:
             if not self._results and os.fstat(self._descriptor).st_size == 0:
                 for name in (SETTINGS, LINES):
@@ -101,7 +104,7 @@ class ResultsFile:
 
 
 def read_lines(path: Path) -> Tuple[List[EpisodeResult], List[str]]:
-    """Return the results in a file, the newest where an episode stands twice, and a warning of broken lines.
+    """Return the results in a file, the last where an episode occurs twice, and a warning of lines that are invalid.
 
     Raises:
         ValueError: There is no such file.
@@ -156,7 +159,7 @@ def _check_settings(folder: Path, settings: Mapping[str, Any]) -> None:
 
 
 def other_worlds(one: Any, other: Any) -> List[str]:
-    """Return the names by which two settings mean different worlds; none where either does not say."""
+    """Return the names of worlds whose hashes differ between two settings; empty where either lacks hashes."""
     a, b = (settings.get(WORLDS) if isinstance(settings, Mapping) else None for settings in (one, other))
     if not isinstance(a, Mapping) or not isinstance(b, Mapping):
         return []
@@ -164,7 +167,7 @@ def other_worlds(one: Any, other: Any) -> List[str]:
 
 
 def read_settings(path: Path) -> Optional[Dict[str, Any]]:
-    """Return the settings of a folder of results, or of the file in it; None where they are not known."""
+    """Return the settings of a folder of results, or of a results file; None where they cannot be read."""
     folder = path if path.is_dir() else path.parent
     try:
         found = json.loads((folder / SETTINGS).read_text(encoding="utf-8"))

@@ -1,4 +1,4 @@
-"""The simulated robot as navigation sees it: what tf and topics are under ROS."""
+"""The simulated robot's interface for navigation, in place of tf and topics: transforms, odometry, commands."""
 
 from __future__ import annotations
 
@@ -12,17 +12,17 @@ from mbf_relay.navigation.robot import Robot
 from mbf_relay.outcomes import StaleDataError, TransformError
 
 HISTORY = 2.0
-"""Seconds of odometry kept, so that a scan finds the pose at which it was taken."""
+"""Seconds for which odometry is kept, to look up the pose at a scan's time."""
 
 
 class LockstepRobot(Robot):
-    """Frames from odometry and localization, velocities to the wheels."""
+    """Answers transforms from odometry and localization, and sends velocities to the wheels."""
 
     def __init__(self, send: Callable[[Twist2D], None], map_frame: str, odom_frame: str, base_frame: str) -> None:
-        """Connect navigation with a robot.
+        """Begin without odometry.
 
         Args:
-            send: Takes velocities for the wheels.
+            send: Called with each velocity for the wheels.
             map_frame, odom_frame, base_frame: Names of the frames.
         """
         super().__init__()
@@ -34,20 +34,20 @@ class LockstepRobot(Robot):
         self._monitor = OdometryMonitor()
         self._pose_timeout = self._odom_timeout = math.inf
         self.map_from_odom: Optional[Pose2D] = None
-        """Where odometry began, in the map; None before localization said so."""
+        """Pose of the odom frame in the map frame, as localization estimates it; None before it does."""
 
     def limit_ages(self, clock: Callable[[], float], pose_timeout: float, odom_timeout: float) -> None:
-        """Refuse what is too old from now on, as the server does.
+        """Refuse poses and velocities that are too old from now on, as the server does.
 
         Args:
-            clock: Gives the time (s).
-            pose_timeout: Age (s) beyond which a pose is refused.
-            odom_timeout: Age (s) beyond which a velocity is refused.
+            clock: Gives simulated time (s).
+            pose_timeout: Largest age (s) of a pose.
+            odom_timeout: Largest age (s) of a velocity.
         """
         self._clock, self._pose_timeout, self._odom_timeout = clock, pose_timeout, odom_timeout
 
     def add_odometry(self, stamp: float, base_in_odom: Pose2D, velocity: Twist2D) -> None:
-        """Take what odometry says at `stamp` (s)."""
+        """Add a pose (odom frame) and velocity (body frame) of odometry at `stamp` (s)."""
         self._odometry.append((stamp, base_in_odom))
         while self._odometry[0][0] < stamp - HISTORY:
             self._odometry.popleft()
@@ -55,7 +55,7 @@ class LockstepRobot(Robot):
 
     @property
     def fixed_frames(self) -> Set[str]:
-        """Names of the frames that the robot moves in: the map's and odometry's."""
+        """Names of the frames in which the robot moves: map and odom."""
         return set(self._frames[:2])
 
     @property
@@ -82,7 +82,7 @@ class LockstepRobot(Robot):
 
     @property
     def base_in_map(self) -> Pose2D:
-        """Where the robot believes to be.
+        """The newest estimated pose in the map frame.
 
         Raises:
             TransformError: There is no odometry or no localization yet.
@@ -90,7 +90,7 @@ class LockstepRobot(Robot):
         return self._correction().compose(self.base_in_odom)
 
     def odometry_at(self, stamp: float) -> Pose2D:
-        """Return the pose in odometry's frame at `stamp` (s), between the two measured poses around it.
+        """Return the pose in the odom frame at `stamp` (s), interpolated linearly.
 
         Raises:
             TransformError: `stamp` lies outside the poses kept.
@@ -125,7 +125,7 @@ class LockstepRobot(Robot):
         return self._velocity
 
     def command(self, velocity: Twist2D) -> None:
-        """Send a velocity to the wheels."""
+        """Send a velocity (body frame) to the wheels."""
         self.commanded = velocity
         self.delay.tell(self._clock(), velocity)
         self._send(velocity)

@@ -1,4 +1,4 @@
-"""The nodes' own YAML files, read without ROS, and changes to them from the command line."""
+"""The nodes' YAML parameter files, read without ROS, and changes to them from files and the command line."""
 
 from __future__ import annotations
 
@@ -8,18 +8,18 @@ from pathlib import Path
 from typing import Any, Dict, Iterable, Mapping, Optional, Sequence, Tuple
 
 from mbf_relay import files
-from mbf_relay.files import config_folder as config_folder  # where users of this room look for it
+from mbf_relay.files import config_folder as config_folder  # exported: users import it from here
 from mbf_relay.misspelling import did_you_mean, nearest_of
 
 FILES = ("simulator", "amcl", "move_base_flex")
-"""The nodes that a lockstep episode stands in for; each has its file config/NAME.yaml."""
+"""The nodes that a lockstep episode replaces; each has its file config/NAME.yaml."""
 
 Settings = Dict[str, Dict[str, Any]]
 """Parameters by node, nested as in the files."""
 
 
 def load_settings(folder: Path) -> Settings:
-    """Return what the nodes' files in `folder` say.
+    """Return the parameters in the nodes' files in `folder`.
 
     Raises:
         ValueError: A file is missing or malformed.
@@ -31,11 +31,11 @@ def load_own(path: Path) -> Settings:
     """Return a user's own parameters by node.
 
     Args:
-        path: A node's own file (its name tells the node, as `move_base_flex.yaml` does), a folder of such files, or a
-            file with the nodes' names as its first level.
+        path: A node's file, named after it as `move_base_flex.yaml` is, a folder of such files, or a file with the
+            nodes' names as its first level.
 
     Raises:
-        ValueError: It cannot be read, is no YAML, or no node of lockstep's is meant; the text names it.
+        ValueError: It cannot be read, is no YAML, or is for none of the nodes in FILES; the text says which.
     """
     if path.is_dir():
         found = {name: _read(path / f"{name}.yaml") for name in FILES if (path / f"{name}.yaml").is_file()}
@@ -51,7 +51,7 @@ def load_own(path: Path) -> Settings:
             f"parameter file {path} has '{strange[0]}' at its first level; it must be named after a node "
             f"({', '.join(FILES)}), or hold their names with parameters under them"
         )
-    values = {name: group for name, group in values.items() if group is not None}  # of which all is commented out
+    values = {name: group for name, group in values.items() if group is not None}  # None: all is commented out
     for name, group in values.items():
         if not isinstance(group, dict):
             raise ValueError(f"parameter file {path} has {group!r} under '{name}'; it must have names and values there")
@@ -59,7 +59,7 @@ def load_own(path: Path) -> Settings:
 
 
 def merged(settings: Mapping[str, Any], own: Mapping[str, Any]) -> Dict[str, Any]:
-    """Return settings with others laid over them, group by group; a list is taken as a whole."""
+    """Return settings overridden by others, group by group; lists are replaced as a whole."""
     result = copy.deepcopy(dict(settings))
     for name, value in own.items():
         before = result.get(name)
@@ -69,7 +69,7 @@ def merged(settings: Mapping[str, Any], own: Mapping[str, Any]) -> Dict[str, Any
 
 
 def own_part(settings: Mapping[str, Any], others: Mapping[str, Any]) -> Dict[str, Any]:
-    """Return what settings have that others have not, or otherwise: laid over the others, it gives the settings."""
+    """Return the part of the settings that others lack or have with another value; the inverse of `merged`."""
     found: Dict[str, Any] = {}
     for name, value in settings.items():
         other = others.get(name)
@@ -96,7 +96,7 @@ def _read(path: Path) -> Dict[str, Any]:
 
 @functools.lru_cache(maxsize=16)
 def _parsed(text: str) -> Any:
-    """Return the values of a YAML document, which a study reads anew for each trial; nobody may change them."""
+    """Return the values of a YAML document, cached as tune.py needs the files for each trial; do not modify them."""
     return files.parse_yaml(text)
 
 
@@ -112,10 +112,10 @@ def flatten(values: Mapping[str, Any], prefix: str = "") -> Dict[str, Any]:
 
 
 def parse_change(text: str) -> Tuple[str, Any]:
-    """Return name and value of a change "a.b=c", the value read as YAML.
+    """Return name and value of a change "a.b=c", the value parsed as YAML.
 
     Raises:
-        ValueError: It has no such form.
+        ValueError: The text has another form, or its value is no YAML.
     """
     name, equals, value = text.partition("=")
     if not (name.strip() and equals):
@@ -127,10 +127,10 @@ def parse_change(text: str) -> Tuple[str, Any]:
 
 
 def full_name(name: str, known: Sequence[str]) -> str:
-    """Return the known name that `name` means: itself, or the only one that ends with it.
+    """Return the known name that is `name`, or the only one that ends with ".name".
 
     Raises:
-        ValueError: There is none, or several; the text names the nearest.
+        ValueError: There is none, in which case the text suggests the nearest, or there are several.
     """
     if name in known:
         return name
@@ -143,7 +143,7 @@ def full_name(name: str, known: Sequence[str]) -> str:
 
 
 def _nearest(name: str, known: Sequence[str]) -> Optional[str]:
-    """Return the known name that looks most like `name` in as many of its last parts as `name` has."""
+    """Return the known name most similar to `name`, compared by as many last parts as `name` has."""
     parts = name.count(".") + 1
     tails = {".".join(candidate.split(".")[-parts:]): candidate for candidate in known}
     nearest = nearest_of(name, tails)
@@ -151,12 +151,12 @@ def _nearest(name: str, known: Sequence[str]) -> Optional[str]:
 
 
 def change(settings: Settings, changes: Iterable[str], known: Sequence[str]) -> Settings:
-    """Return a copy of the settings with changes "a.b=c" made.
+    """Return a copy of the settings with changes "a.b=c" applied.
 
     Args:
         settings: Parameters by node.
-        changes: Each a name, full or as much of its end as is unambiguous, and a value.
-        known: The full names of all parameters there are.
+        changes: Each "name=value", with the full name or an unambiguous end of it.
+        known: The full names of all parameters.
 
     Raises:
         ValueError: A change is malformed or names no parameter.

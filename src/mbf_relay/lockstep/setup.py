@@ -1,4 +1,4 @@
-"""How an episode is driven: the nodes' parameters, where the pose comes from, and what is known beforehand."""
+"""The setup of episodes: the nodes' parameters, the source of the pose, and whether there is a map."""
 
 from __future__ import annotations
 
@@ -32,37 +32,40 @@ from mbf_relay.simulation.robot_file import load_robot
 from mbf_relay.simulation.world_map import SCAN_HEIGHT
 
 AMCL, ODOMETRY, TRUTH = LOCALIZATIONS = ("amcl", "odometry", "truth")
+"""Sources of the robot's pose: amcl's filter, odometry from the true start on, or the simulator."""
 KNOWN, NONE = MAPS = ("known", "none")
+"""Whether the robot has a map of the world."""
 
 SERVER = "move_base_flex"
+"""Name of the server's parameters among the settings."""
 MARGIN = 3.0
-"""Metres around start and goals that the global costmap covers at least where there is no map."""
+"""Least metres around start and goals that the global costmap covers where there is no map."""
 FARTHEST = 30.0
-"""Metres around start and goals beyond which it does not, however large the world is."""
+"""Most metres around start and goals that it covers, however large the world is."""
 
 LAID = ("static_map", "rolling_window", "track_unknown_space", "origin_x", "origin_y", "width", "height")
-"""Parameters of the global costmap that are not the user's where there is no map, see `without_map`."""
+"""Parameters of the global costmap that are set by `without_map` where there is no map, whatever the user's are."""
 UNHEARD = ("imu_rate", "gyro_noise", "accelerometer_noise", "joint_state_rate")
-"""Parameters of the simulator's sensors that no part of a drive listens to."""
+"""Parameters of simulated sensors that are not used in lockstep."""
 OF_THE_NODE = {*AmclParameters.names(), *NODE_ONLY} - {*LocalizerParameters.names(), "odom_frame_id", "global_frame_id"}
-"""Parameters of amcl's that no part of a drive reads: of its topics, of what it sends and of when it starts."""
+"""Parameters of the amcl node that are not used in lockstep: on topics, publishing and start-up."""
 RESOLUTION = "--map-resolution"
+"""Name under which `_idle` reports the map resolution: it is an option, not a parameter of a node."""
 
 
 @dataclass(frozen=True)
 class Setup:
-    """What all episodes of a batch share.
+    """What all episodes of a batch have in common.
 
     Attributes:
         settings: Parameters by node, as in the nodes' files.
-        localization: AMCL, ODOMETRY (which is taken for the truth from the start on) or TRUTH.
-        map: KNOWN or NONE.
-        controller, planner: Names in the server's lists; its first ones where empty.
+        localization: One of LOCALIZATIONS.
+        map: One of MAPS.
+        controller, planner: Names in the server's lists; the first of each list where empty.
         map_resolution: Metres per cell of maps drawn from a world.
-        robot: What drives; the one the simulator's parameters name where None.
+        robot: The robot; the one the simulator's parameters name where None.
         after_contact: Whether a drive goes on after a contact, which fails it all the same.
-        notes: What of a user's own parameters has no effect, or another one than he wrote, and what of the robot is not
-            as its file says; for people.
+        notes: For people: the user's parameters that have no effect or were changed, and warnings of the robot's file.
     """
 
     settings: Settings
@@ -85,17 +88,17 @@ def make_setup(
     """Return the setup a user asks for.
 
     Args:
-        folder: Where the nodes' YAML files are.
-        localization: One of LOCALIZATIONS; AMCL where there is a map, else ODOMETRY, where None.
-        prior_map: One of MAPS; what is usual for the worlds where None.
-        controller, planner: Names in the server's lists; its first ones where empty.
+        folder: Folder of the nodes' YAML files.
+        localization: One of LOCALIZATIONS; where None, AMCL with a map, else ODOMETRY.
+        prior_map: One of MAPS; where None, by `has_map`.
+        controller, planner: Names in the server's lists; the first of each list where empty.
         changes: Changes "a.b=c" to parameters.
         has_map: Whether robots usually have a map of these worlds.
-        config: A user's own parameters, file or folder, over those in `folder`.
+        config: The user's own parameters, a file or folder, which override those in `folder`.
         map_resolution: Metres per cell of maps drawn from a world.
-        robot: Drives in place of the one in the simulator's file, with all parameters fitted to it; see `load_robot`.
+        robot: Robot instead of the one in the simulator's file, with all parameters fitted to it; see `load_robot`.
         after_contact: Whether drives go on after a contact.
-        tasks: What is to be driven, where that is known: some of it takes the place of parameters.
+        tasks: The tasks to drive, for notes on parameters that they override.
 
     Raises:
         ValueError: A file, a name or a change is wrong, or the choices contradict each other.
@@ -113,14 +116,14 @@ def make_setup(
     packages = settings
     if config is not None:
         settings = merged(settings, load_own(config))
-        _check_values(settings)  # names are looked for in them next
+        _check_values(settings)  # before `known_names` looks up their plugins
     files = settings
-    for text in changes:  # one by one, for a plugin that one of them brings has parameters of its own
+    for text in changes:  # one by one: one may add a plugin, whose parameters the next one changes
         settings = change(settings, [text], known_names(settings))
     _check_values(settings)
     for kind, name in (("controllers", controller), ("planners", planner)):
         _check_listed(settings[SERVER].get(kind, []), kind, name)
-    model = load_robot(named_robot(settings))  # here: a worker elsewhere has not this file
+    model = load_robot(named_robot(settings))  # here, as a worker on another machine may not have the file
     notes = _notes_on(settings, packages) if settings != packages else []
     notes += [f"robot '{model.name}': {warning}" for warning in model.warnings]
     setup = Setup(settings, localization, prior_map, controller, planner, map_resolution, model, after_contact)
@@ -129,7 +132,13 @@ def make_setup(
 
 
 def _idle(changed: Iterable[str], setup: Setup, tasks: Sequence[EpisodeTask]) -> List[str]:
-    """Return which of the parameters that somebody changed nothing reads in these drives, and why, for people."""
+    """Return a note for each changed parameter that has no effect in these drives, with the reason.
+
+    Args:
+        changed: Full names of parameters, and RESOLUTION.
+        setup: The setup.
+        tasks: The tasks to drive, where they are known.
+    """
     reasons = {f"simulator.{name}": "no part of them listens to that sensor" for name in UNHEARD}
     if setup.localization != AMCL:
         reasons["amcl"] = f"the pose comes from {setup.localization}, not from amcl"
@@ -153,14 +162,14 @@ def _idle(changed: Iterable[str], setup: Setup, tasks: Sequence[EpisodeTask]) ->
 
 
 def _notes_on(settings: Settings, packages: Settings) -> List[str]:
-    """Return what there is to say of parameters that are left unused, changed, or served by another plugin.
+    """Return notes on parameters that are unknown, unused, clamped, or taken by another plugin than the one named.
 
     Args:
-        settings: With a user's own.
-        packages: Without them; what stands there is not the user's to mend.
+        settings: The settings with the user's own parameters.
+        packages: Those without; there are no notes on what is in them.
     """
     now, before = examine_server(settings[SERVER]).of(IGNORED, CLAMPED, STOOD_IN), []
-    if now:  # it seldom is, and this is asked for every trial of a study
+    if now:  # seldom; saves time in tune.py, which calls this for each trial
         before = examine_server(packages[SERVER]).of(IGNORED, CLAMPED, STOOD_IN)
     theirs = set(flatten(packages)) | {f"{SERVER}.{group}" for group in packages[SERVER]}
     notes = []
@@ -180,10 +189,10 @@ def _notes_on(settings: Settings, packages: Settings) -> List[str]:
 
 
 def _note_on_fit(settings: Settings, packages: Settings) -> List[str]:
-    """Return a note where another robot drives with the footprint of the one the package's parameters are for."""
+    """Return a note where the simulator's robot was changed but the costmaps keep another robot's footprint."""
     own, theirs = named_robot(settings), named_robot(packages)
     (before, footprint) = (values[SERVER]["local_costmap"].get("footprint") for values in (packages, settings))
-    if own == theirs or footprint != before:  # as for every trial of a study, which need load no robot
+    if own == theirs or footprint != before:  # nearly always; saves loading robots
         return []
     if np.array_equal(load_robot(own).footprint, load_robot(theirs).footprint):
         return []
@@ -196,7 +205,7 @@ def named_robot(settings: Settings) -> str:
 
 
 def faults_in(settings: Settings) -> Faults:
-    """Return what the simulator's parameters ask to go wrong; raise ValueError where they are wrong."""
+    """Return the faults that the simulator's parameters ask for; raise ValueError where they are invalid."""
     group = settings["simulator"].get("faults", {})
     if not isinstance(group, Mapping):
         raise ValueError(f"simulator.faults is {group!r}; it must be a group, as {{slip: 0.3}}")
@@ -220,7 +229,8 @@ def _check_values(settings: Settings) -> None:
 
 
 def known_types(settings: Settings) -> Dict[str, Any]:
-    """Return the type of every parameter there is by its full name: as the parts declare it, else as the files say."""
+    """Return the type of each parameter by its full name: as declared by its part, else that of its value in the files.
+    """
     server = settings[SERVER]
     found: Dict[str, Any] = {name: type(value) for name, value in flatten(settings).items()}
 
@@ -245,16 +255,16 @@ def known_types(settings: Settings) -> Dict[str, Any]:
 
 
 def known_names(settings: Settings) -> List[str]:
-    """Return the full name of every parameter there is: what the files say, and what the parts declare beside it."""
+    """Return the full names of all parameters, those in the files and those that only the parts declare."""
     return sorted(known_types(settings))
 
 
 def without_map(server: Dict[str, Any], task: EpisodeTask) -> Dict[str, Any]:
-    """Return the server's parameters for a robot that has no map: a global costmap of what it sees alone.
+    """Return the server's parameters for a robot without a map: its global costmap has only the obstacles it has seen.
 
-    The costmap lies still and covers start, goals and what stands round them, for the way may lead far aside; what was
-    never seen counts as free, or nothing could be planned.
-    Where nothing is said of its cells, they are as fine as those in which the controller sees the same obstacles.
+    The costmap is fixed and covers start, goals and all bodies around them, as the path may need a detour. Unknown
+    space counts as free; else nothing could be planned. Its resolution, where none is set, is at least the local
+    costmap's.
     """
     changed = copy.deepcopy(server)
     group = changed["global_costmap"]
@@ -270,7 +280,7 @@ def without_map(server: Dict[str, Any], task: EpisodeTask) -> Dict[str, Any]:
 
 
 def _extent(task: EpisodeTask) -> Tuple[List[float], List[float]]:
-    """Return the lowest and the highest corner (x, y in metres) of what a costmap without a map is to cover."""
+    """Return the lower left and upper right corner (x, y in metres) of the global costmap without a map."""
     ends = np.array([pose[:2] for pose in (task.world.start, *task.goals)])
     solids = np.vstack((task.world.outline(SCAN_HEIGHT).reshape(-1, 2), ends))
     lowest, highest = ends.min(axis=0), ends.max(axis=0)

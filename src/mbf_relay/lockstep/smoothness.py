@@ -1,4 +1,4 @@
-"""How calmly a robot drove: figures of a trajectory that a passenger would notice."""
+"""Smoothness metrics of a trajectory: accelerations, jerks, changes of turning direction, standstill."""
 
 from __future__ import annotations
 
@@ -7,20 +7,20 @@ import dataclasses
 import numpy as np
 
 TURNING = 0.05
-"""Turning slower than this (rad/s) counts as going straight when changes of side are counted."""
+"""Angular speed (rad/s) below which a robot counts as going straight, or standing."""
 
 
 @dataclasses.dataclass(frozen=True)
 class Smoothness:
-    """Figures of one drive; all zero for a robot that never moved.
+    """Metrics of one drive; all zero where there are fewer than three samples.
 
     Attributes:
-        turn_changes_per_metre: How often per metre the turning changed from left to right or back.
+        turn_changes_per_metre: How often per metre the turning direction changed, left to right or back.
         mean_acceleration: Mean absolute acceleration along the path (m/s^2).
-        mean_jerk: Mean absolute change of it (m/s^3).
+        mean_jerk: Mean absolute derivative of it (m/s^3).
         mean_angular_acceleration: Mean absolute angular acceleration (rad/s^2).
-        standing_share: Share of the time in which it neither drove (0.005 m/s) nor turned (TURNING).
-        mean_angular_jerk: Mean absolute change of the angular acceleration (rad/s^3).
+        standing_share: Share of samples below 0.005 m/s and below TURNING.
+        mean_angular_jerk: Mean absolute derivative of the angular acceleration (rad/s^3).
     """
 
     turn_changes_per_metre: float = 0.0
@@ -38,7 +38,7 @@ def path_length(positions: np.ndarray) -> float:
 
 
 def turn_changes(angular: np.ndarray) -> int:
-    """Return how often the turning changed sides, ignoring what is slower than TURNING.
+    """Return how often the turning direction changed, ignoring angular speeds below TURNING.
 
     Args:
         angular: Angular velocities (rad/s), shape (N,).
@@ -48,14 +48,14 @@ def turn_changes(angular: np.ndarray) -> int:
 
 
 def smoothness(times: np.ndarray, linear: np.ndarray, angular: np.ndarray, length: float) -> Smoothness:
-    """Return the figures of a drive.
+    """Return the metrics of a drive.
 
     Args:
-        times: Shape (N,), seconds, rising. A drive begins and ends between two samples: one that came sooner than half
-            the longest period after the one before is left out, for the slightest change in so little time is a jerk.
-        linear: Forward velocities (m/s), shape (N,); speeds, of a robot that goes sideways as well.
+        times: Shape (N,), seconds, rising. Samples that follow the one before by less than half the longest period, as
+            at the start and end of a drive, are left out: derivatives over so short a time would be huge.
+        linear: Forward velocities (m/s), shape (N,); for an omnidirectional robot, speeds.
         angular: Angular velocities (rad/s), shape (N,).
-        length: How far it drove (m).
+        length: Length of the path driven (m).
     """
     whole = np.diff(times, prepend=-np.inf) >= 0.5 * np.diff(times).max(initial=0.0)
     times, linear, angular = times[whole], linear[whole], angular[whole]

@@ -1,6 +1,6 @@
-"""Which code drives: the package's version, and hashes over its sources and those of plugins of a user's own.
+"""Identification of the code: the package's version, and hashes of its sources and of the user's plugins.
 
-Two results are of one experiment only if these agree, and two machines drive alike only then.
+Results are comparable, and machines of a cluster drive equally, only where these agree.
 """
 
 from __future__ import annotations
@@ -26,18 +26,18 @@ from mbf_relay.navigation.registry import entries_of, values_of
 from mbf_relay.plugins import find_class
 
 NOT_DRIVEN = ("ros", "view", "report")
-"""Rooms of the package that no lockstep drive enters."""
+"""Folders of the package that lockstep does not use."""
 BUILT_IN = {*LAYERS, *CRITICS, *(name for listed in PLUGIN_LISTS for name in listed.known)}
+"""Types of the package's own plugins, by upstream's names."""
 
 
 class Sources(NamedTuple):
     """The code of one process.
 
     Attributes:
-        version: Of the package.
-        package: Hash over the package's modules that a drive may enter.
-        plugins: Hash of each plugin that is not the package's, by its type: of its module, and of what that imports and
-            is its author's as well.
+        version: The package's version.
+        package: Hash over the package's modules that lockstep uses.
+        plugins: Hash of each of the user's plugins, by type, over its module and what of the user's it imports.
     """
 
     version: str
@@ -55,7 +55,7 @@ class Sources(NamedTuple):
 
 
 def sources(plugins: Sequence[str]) -> Sources:
-    """Return what this process would drive with; a plugin that cannot be imported has the error for a hash."""
+    """Return this process' sources; for a plugin that cannot be imported its error takes the place of the hash."""
     return Sources(version(), package_digest(), {name: _plugin_digest(name) for name in plugins})
 
 
@@ -66,14 +66,11 @@ def plugins_of(setup: Setup) -> List[str]:
 
 
 def files_of(setup: Setup) -> Dict[str, str]:
-    """Return a hash of each file that a parameter of a user's own plugin names, by the parameter.
-
-    Of a policy that has learnt, the weights are as much its code as its module is.
-    """
+    """Return a hash of each file that a parameter of a user's plugin names, as a policy's weights, by parameter."""
     found = {}
     for name, kind, values in _plugins(setup.settings[SERVER], plugins_of(setup)):
         for parameter, value in flatten(kind.Parameters.read(values)[0].as_dict(), f"{name}.").items():
-            if isinstance(value, str) and os.path.isfile(value):  # of a text too long for a name Path raises
+            if isinstance(value, str) and os.path.isfile(value):  # Path.is_file raises for a text that is too long
                 found[parameter] = hashlib.sha256(Path(value).read_bytes()).hexdigest()[:16]
     return found
 
@@ -88,8 +85,8 @@ def version() -> str:
 
 @functools.lru_cache(maxsize=None)
 def package_digest() -> str:
-    """Return a hash over the package's modules that a drive may enter."""
-    folder = Path(__file__).resolve().parents[1]  # a build has a package in front that finds this one
+    """Return a hash over the package's modules that lockstep uses."""
+    folder = Path(__file__).resolve().parents[1]  # of the sources; a build's mbf_relay package only refers to them
     known = hashlib.sha256()
     for path in sorted(folder.rglob("*.py")):
         name = path.relative_to(folder)
@@ -98,19 +95,19 @@ def package_digest() -> str:
     return known.hexdigest()[:16]
 
 
-@functools.lru_cache(maxsize=None)  # a process drives with what it has loaded, whatever is written there later
+@functools.lru_cache(maxsize=None)  # cached, as the process keeps the modules it has loaded when files change later
 def _plugin_digest(name: str) -> str:
     try:
         module = name.rpartition(".")[0]
         loaded = importlib.import_module(module)
         parts = own_modules(module)
-        if module not in parts:  # of a zip file
+        if module not in parts:  # imported from a zip file
             parts[module] = inspect.getsource(loaded).encode()
         known = hashlib.sha256()
         for part, content in sorted(parts.items()):
             known.update(f"{part}\0{len(content)}\0".encode() + content)
         return known.hexdigest()[:16]
-    except Exception as error:  # whatever a user's module does when it is run
+    except Exception as error:  # a user's module may raise anything when it is imported
         return f"{type(error).__name__}: {error}"
 
 

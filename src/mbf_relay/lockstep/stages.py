@@ -1,4 +1,4 @@
-"""Where an episode's computing time goes."""
+"""Computing time of an episode by stage: simulation, localization, costmaps, navigation and its plugins."""
 
 from __future__ import annotations
 
@@ -7,17 +7,21 @@ from typing import Any, Callable, Dict, List, Optional
 from mbf_relay.navigation.worker import InlineWorker, Job
 
 PLUGINS = {"planners": "planning", "controllers": "control", "recovery_behaviors": "recovery"}
-"""The stage that calls of each kind of plugin count for."""
+"""The stage of each kind of plugin."""
 
 
 class Stages:
-    """Sums up seconds per stage; a stage within a stage counts for the inner one alone."""
+    """Sums up seconds per stage; the time of an inner stage is not part of the outer one.
+
+    Attributes:
+        seconds: Wall seconds by stage.
+    """
 
     def __init__(self, clock: Optional[Callable[[], float]]) -> None:
-        """Make a sum of nothing.
+        """Begin with no stages.
 
         Args:
-            clock: Tells the time (s); without one, nothing is measured.
+            clock: Gives the time (s); where None, nothing is measured.
         """
         self._clock = clock
         self._open: List[str] = []
@@ -25,7 +29,7 @@ class Stages:
         self.seconds: Dict[str, float] = {}
 
     def stage(self, name: str) -> _Stage:
-        """Return a context: what is done inside counts for `name`."""
+        """Return a context manager whose block is counted as the stage `name`."""
         return _Stage(self, name)
 
     def enter(self, name: str) -> None:

@@ -1,4 +1,4 @@
-"""What many episodes came to: shares, means and their intervals, of one batch or of two side by side."""
+"""Summaries of batches: means and shares with 95 % intervals, of one batch or of two that are compared."""
 
 from __future__ import annotations
 
@@ -11,20 +11,21 @@ from mbf_relay.lockstep.result import EpisodeResult
 from mbf_relay.statistics import IntervalEstimate
 
 Key = Tuple[str, int]
+"""World and seed."""
 Number = TypeVar("Number", int, float)
 
 
 @dataclasses.dataclass(frozen=True)
 class Measure:
-    """One figure of an episode.
+    """A metric of an episode.
 
     Attributes:
-        name: For people and for the summary's JSON.
+        name: Its name in tables and in the summary's JSON.
         unit: Empty for a share or a plain number.
-        of: Takes it from a result; None where the episode has none.
+        of: Returns its value for a result; None where the episode has none.
         is_share: Whether it is 0 or 1, so that its mean is a share.
-        better: 1 where more of it is better, -1 where less is; 0 where neither is, or where a robot that fails lacks
-            it and would seem good.
+        better: 1 where more is better, -1 where less is, 0 where it cannot be optimized: neither is better, or failed
+            episodes lack it.
     """
 
     name: str
@@ -94,16 +95,16 @@ def _estimate(measure: Measure, results: Sequence[EpisodeResult]) -> IntervalEst
 
 @dataclasses.dataclass(frozen=True)
 class Comparison:
-    """Two sets of results side by side.
+    """Comparison of two batches, paired by world and seed.
 
     Attributes:
         pairs: Number of episodes (world and seed) that both have.
-        only_first, only_second: Episodes that one alone has.
-        first, second: Each measure over the pairs; where it is of successes, over the pairs in which both succeeded.
-        differences: Second less first, from the pairs.
-        gained, lost: Episodes that only the second, or only the first, brought to success.
-        chance: How likely a split at least as uneven is if both were equally good (exact sign test over worlds).
-        worlds: How many worlds the pairs are of; each counts once for the chance, however many seeds it has.
+        only_first, only_second: Number of episodes that only one has.
+        first, second: Mean of each measure over the pairs in which both episodes have it.
+        differences: Mean of second minus first over these pairs.
+        gained, lost: Episodes in which only the second, or only the first, succeeded.
+        chance: p-value of an exact sign test on success over worlds.
+        worlds: Number of worlds of the pairs; each counts once in the test, however many seeds it has.
     """
 
     pairs: int
@@ -119,7 +120,7 @@ class Comparison:
 
 
 def compare(first: Iterable[EpisodeResult], second: Iterable[EpisodeResult]) -> Comparison:
-    """Compare results, paired by world and seed, so that what a world does to both of them cancels."""
+    """Compare results, paired by world and seed, so that the worlds' difficulty cancels out."""
     a = {(episode.world, episode.seed): episode for episode in first}
     b = {(episode.world, episode.seed): episode for episode in second}
     keys = sorted(set(a) & set(b))
@@ -141,10 +142,10 @@ def compare(first: Iterable[EpisodeResult], second: Iterable[EpisodeResult]) -> 
 def paired(
     measure: Measure, first: Iterable[EpisodeResult], second: Iterable[EpisodeResult]
 ) -> Tuple[Dict[str, List[float]], Dict[str, List[float]]]:
-    """Return a measure of the second's episodes, and its differences from the first's, by world.
+    """Return the second's values of a measure, and their differences from the first's, both by world.
 
     Args:
-        measure: Counted are the episodes (world and seed) in which both have it.
+        measure: The measure; only episodes (world and seed) in which both have a value count.
         first, second: Results.
     """
     a = {(episode.world, episode.seed): measure.of(episode) for episode in first}

@@ -1,4 +1,4 @@
-"""Results as tables that other programs open: CSV, Parquet, one NumPy file a drive, and what each column means."""
+"""Results as tables for other programs: CSV, Parquet, a NumPy file per drive, and a description of the columns."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ from mbf_relay.lockstep.result import CLOSE, PERSONAL_SPACE, EpisodeResult
 from mbf_relay.whole_files import whole_file, write_whole
 
 TABLE, PARQUET, TRAJECTORIES, DICTIONARY = "results.csv", "results.parquet", "trajectories", "README.md"
+"""Names of the files, and of the folder of trajectories."""
 
 BARN = "Perille et al., Benchmarking Metric Ground Navigation (SSRR 2020), and the BARN challenge's rules"
 ANDERSON = "Anderson et al., On Evaluation of Embodied Navigation Agents (2018)"
@@ -31,12 +32,12 @@ class Column(NamedTuple):
     """A column of the table.
 
     Attributes:
-        name: Of the column.
+        name: Name of the column.
         unit: Empty for texts, counts and shares.
-        meaning: One line.
-        of: Takes it from a result; None where there is none.
-        driven: Whether only an episode that was driven has it.
-        source: Where the metric is defined; empty where the column is no metric.
+        meaning: Description in one line.
+        of: Returns its value for a result, or None.
+        driven: Whether its cell is empty for episodes that could not be driven (ERROR).
+        source: Publication that defines the metric; empty where the column is no metric.
     """
 
     name: str
@@ -52,7 +53,10 @@ class Column(NamedTuple):
 
 
 def spl(result: EpisodeResult) -> Optional[float]:
-    """Return success weighted by path length: success x l / max(p, l); None without a reference path."""
+    """Return success weighted by path length (Anderson et al. 2018): success x l / max(p, l).
+
+    l is the length of the reference path and p that of the path driven; None without a reference path.
+    """
     if result.reference_path_length is None:
         return None
     best = result.reference_path_length
@@ -129,9 +133,9 @@ def write(folder: Path, results: Sequence[EpisodeResult], trajectories: bool = F
     """Write the tables.
 
     Args:
-        folder: Where they go.
-        results: A row each.
-        trajectories: Also a file of each drive.
+        folder: Where to write.
+        results: The rows.
+        trajectories: Also write a file of each drive's trajectory.
     """
     rows = io.StringIO(newline="")
     writer = csv.writer(rows)
@@ -147,7 +151,7 @@ def write(folder: Path, results: Sequence[EpisodeResult], trajectories: bool = F
 
 
 def dictionary() -> str:
-    """Return what each column means, as a table in Markdown."""
+    """Return the description of all columns, as Markdown."""
     lines = [
         "# Results of a batch", "",
         f"`{TABLE}` (and `{PARQUET}` where pyarrow is there) has a row per episode, `episodes.jsonl` all of it;",

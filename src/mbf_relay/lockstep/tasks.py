@@ -1,4 +1,4 @@
-"""What an episode is about: a world, where to go in it, and by when."""
+"""Tasks of episodes: a world, goals in it, and a time limit."""
 
 from __future__ import annotations
 
@@ -18,34 +18,34 @@ from mbf_relay.simulation.world_map import SCAN_HEIGHT, grid_around, map_of_worl
 from mbf_relay.simulation.worlds_file import load_worlds_file
 
 CIRCLE = "circle"
-"""Where a worlds file is asked for, this means the tutorial's circle in its arena."""
+"""Name, in place of a worlds file, of the tutorial's circle in its arena."""
 
 CIRCLE_TIME_LIMIT = 300.0
 """Seconds for one lap, and for a world that states no limit."""
 
 MAP_RESOLUTION = 0.05
-"""Metres per cell of maps drawn from a world, where nothing else is asked for."""
+"""Default resolution (m) of maps drawn from a world."""
 
 MOST_TOLD = 5
-"""Lines on slips in worlds files that are told one by one: one in a world is often one in all of a thousand."""
+"""Warnings on worlds files that are printed; a mistake in one world is often in all thousand of a file."""
 
 
 @dataclass(frozen=True)
 class EpisodeTask:
-    """Drive through a world.
+    """A drive through a world.
 
     Attributes:
-        name: Tells the tasks of a batch apart.
-        world: What stands and moves, and where the robot starts.
+        name: Name of the task, unique in a batch.
+        world: Bodies, movers, and the robot's start.
         goals: Poses to reach, in order, in the world's frame.
-        time_limit: Seconds for all of them.
-        goal_radius: A goal counts as reached within this distance (m) of its position, whatever the controller's
-            tolerance, and where something stands on it, the place nearest to it within will do; None where navigation
-            alone judges.
-        reference_path_length: Length (m) of a good way, for the score; None where the world states none.
-        has_map: Whether a robot usually has a map of it.
-        given_map: Its map, right or wrong; where None, one is drawn from the world's geometry.
-        initial_pose: Where localization is told it starts; what amcl's parameters say where None.
+        time_limit: Simulated seconds for all of them.
+        goal_radius: Distance (m) between true position and goal within which the goal counts as reached, whatever the
+            controller's tolerance. It is also the planner's tolerance for a goal that is blocked. None where
+            navigation alone decides.
+        reference_path_length: Length (m) of a good path, for the score; None where the world states none.
+        has_map: Whether a robot usually has a map of the world.
+        given_map: Map of the world, which may be wrong; where None, one is drawn from the world's geometry.
+        initial_pose: Initial pose of localization; where None, that of amcl's parameters.
     """
 
     name: str
@@ -59,14 +59,19 @@ class EpisodeTask:
     given_map: Optional[OccupancyMap] = None
 
     def occupancy(self, resolution: float = MAP_RESOLUTION, scan_height: float = SCAN_HEIGHT) -> OccupancyMap:
-        """Return the map of the world as a map server would give it; drawn at the lidar's height (m) where none is."""
+        """Return the given map, or one drawn from the world's geometry.
+
+        Args:
+            resolution: Metres per cell of a drawn map.
+            scan_height: Height (m) of the lidar, at which the world is cut for a drawn map.
+        """
         if self.given_map is not None:
             return self.given_map
         world = self.world if self.world.goal is not None else replace(self.world, goal=self.goals[-1])
         return map_of_world(world, grid_around(world, resolution, height=scan_height), scan_height)
 
     def scaled(self, scale: float) -> EpisodeTask:
-        """Return the task in a world `scale` times as large; the time limit grows with the way.
+        """Return the task with all lengths scaled; the time limit grows with them but does not shrink.
 
         Raises:
             ValueError: The scale is out of range, or the task has a map of its own, whose cells do not scale.
@@ -84,17 +89,17 @@ class EpisodeTask:
         )
 
     def failed(self, seed: int, message: str) -> EpisodeResult:
-        """Return the result of an episode that could not be driven; it scores 0 where the world has scores."""
+        """Return the result of an episode that could not be driven; see `result.failed`."""
         return failed(self.name, seed, message, self.reference_path_length)
 
     def digest(self) -> str:
-        """Return a hash over everything that tells this task from another one, whatever folder it came from."""
+        """Return a hash over all that defines the task, independent of the file it came from."""
         world = self.world
         parts = [self.name, world.start, self.goals, self.time_limit, self.goal_radius, self.reference_path_length]
         known = hashlib.sha256(repr(parts).encode())
         known.update(world.fixed_triangles()[0].tobytes())
         for body in world.bodies:
-            if body.mass:  # it is pushed, and not among what never moves
+            if body.mass:  # movable, hence not among the fixed triangles
                 known.update(body.triangles().tobytes() + repr(body.mass).encode())
         if self.given_map is not None:
             given = self.given_map
@@ -127,7 +132,7 @@ def load_tasks(source: str) -> List[EpisodeTask]:
 
 
 def warnings_of(tasks: Sequence[EpisodeTask]) -> List[str]:
-    """Return what of the worlds' files is not understood or hardly meant, and how many lines more there are of it."""
+    """Return the warnings of the worlds' files, the first MOST_TOLD and the number of the others."""
     lines = [line for task in tasks for line in task.world.warnings]
     more = len(lines) - MOST_TOLD
     return lines[:MOST_TOLD] + ([f"and {more} more such lines on the worlds"] if more > 0 else [])
@@ -138,10 +143,10 @@ def have_maps(tasks: Sequence[EpisodeTask], is_said: bool) -> bool:
 
     Args:
         tasks: The worlds.
-        is_said: Whether somebody says what they have, whatever is usual.
+        is_said: Whether the user has chosen (--map), so that mixed worlds are no error.
 
     Raises:
-        ValueError: Some worlds have a map of their own and some have none, and nobody says what is to be.
+        ValueError: Some worlds have a map and others have none, and the user has not chosen.
     """
     mapped, bare = ([task for task in tasks if task.has_map is has] for has in (True, False))
     if mapped and bare and not is_said:
@@ -153,7 +158,11 @@ def have_maps(tasks: Sequence[EpisodeTask], is_said: bool) -> bool:
 
 
 def task_of(world: World) -> EpisodeTask:
-    """Return the task a world states: from its start to its goal."""
+    """Return the task of a world, from its start to its goal.
+
+    Raises:
+        ValueError: The world states no goal, or its map cannot be loaded.
+    """
     if world.goal is None:
         raise ValueError(f"world '{world.name}' states no goal; give it one as [x, y, yaw]")
     limit = world.time_limit if world.time_limit is not None else CIRCLE_TIME_LIMIT

@@ -1,4 +1,4 @@
-"""What a robot touched on its way, how often, and whether it had moved towards it: by the simulator's truth."""
+"""Contacts of a drive, and which of them are the robot's fault, by the simulator's true poses."""
 
 from __future__ import annotations
 
@@ -11,22 +11,23 @@ from mbf_relay.simulation.contacts import Contact
 from mbf_relay.touching import Touched
 
 STANDING = 0.01
-"""Closing speed (m/s) below which a robot has not moved towards what touches it: what a robot trembles by at rest."""
+"""Closing speed (m/s) below which a contact is not the robot's fault; the physics of a robot at rest jitters by less.
+"""
 
 Sample = Tuple[float, Pose2D]
-"""A time (s) and where the robot truly was."""
+"""A time (s) and the robot's true pose."""
 
 
 class Touches:
-    """Counts touches, and those of them that are the robot's own fault.
+    """Counts contacts, and those that are the robot's fault.
 
-    A touch is the robot's fault where the part of its hull that touches had moved towards the thing, however fast the
-    thing came along. Where the robot stood or gave way, whoever came is at fault.
+    A contact is the robot's fault where the touching part of its hull had moved towards the body, however fast that
+    moved itself. Where the robot stood or retreated, the other is at fault.
 
     Attributes:
-        times: When (s) each touch began.
-        at_fault: Of them, those that are the robot's fault.
-        first: The first of them for people, empty before one.
+        times: Time (s) at which each contact began.
+        at_fault: Number of contacts that are the robot's fault.
+        first: Description of the first contact; empty before.
     """
 
     def __init__(self) -> None:
@@ -36,13 +37,13 @@ class Touches:
         self._touched = Touched()
 
     def note(self, now: float, contacts: Iterable[Contact], before: Sample, pose: Pose2D) -> None:
-        """Note what is touched at one moment.
+        """Take the contacts at one time.
 
         Args:
             now: Time (s).
-            contacts: What is touched; of one thing, the first counts.
-            before: When and where the robot was a moment ago, before it touched this.
-            pose: Where it is, in the world's frame as `before`.
+            contacts: Contacts at that time; of one body only the first counts.
+            before: The last sample before the contact.
+            pose: The true pose now, in the world's frame as `before`.
         """
         for contact in contacts:
             if not self._touched.is_anew(contact.name, now):
@@ -54,11 +55,11 @@ class Touches:
 
 
 def closing_speed(contact: Contact, before: Sample, now: Sample) -> float:
-    """Return the speed (m/s) at which the part of the hull that touches has moved towards the thing it touches.
+    """Return the speed (m/s) at which the touching point of the hull moved towards the body between two samples.
 
     Args:
-        contact: Where and which way.
-        before, now: Two samples of the robot's way.
+        contact: Position and normal of the contact.
+        before, now: The robot's time and pose before, and at the contact.
     """
     elapsed = now[0] - before[0]
     if elapsed <= 0.0:

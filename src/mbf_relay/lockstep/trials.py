@@ -1,7 +1,7 @@
-"""The trials of a search: drawn in rounds, driven side by side, given up when they lose, noted so that it can go on.
+"""The trials of a parameter search with Optuna: drawn in rounds, driven in parallel, pruned when they are poor.
 
-A round's trials are drawn from what earlier rounds came to, and from nothing else: not from each other, nor from when
-they ended. So a search that was interrupted anywhere, and went on, is the one that was not.
+A round's trials depend on the results of complete earlier rounds alone, not on each other or the order in which they
+end. So a search that was interrupted and resumed gives the same trials as one that was not.
 """
 
 from __future__ import annotations
@@ -17,23 +17,23 @@ from mbf_relay.lockstep.summary import measure_of
 from mbf_relay.lockstep.tasks import EpisodeTask
 
 FIRST_LOOK = 3
-"""A losing trial is given up after one in so many of its worlds."""
+"""A trial first drives one in so many worlds; a poor one is pruned after that."""
 DRAWN_AT_RANDOM, NEVER_GIVEN_UP = 8, 5
-"""Trials before the sampler is guided by earlier ones, and whole ones before a later one is held to their median."""
+"""Optuna's n_startup_trials of the TPE sampler (random trials at first) and of the median pruner."""
 
 Parameters = Mapping[str, Union[int, float]]
-"""Values by full name."""
+"""Parameter values by full name."""
 
 
 class Range(NamedTuple):
-    """The values a parameter may take: both ends are among them."""
+    """The range of a parameter, ends included; `whole` for integers."""
 
     low: float
     high: float
     whole: bool
 
     def distribution(self) -> Any:
-        """Return it as Optuna's."""
+        """Return the range as an Optuna distribution."""
         from optuna import distributions
 
         if self.whole:
@@ -42,16 +42,17 @@ class Range(NamedTuple):
 
 
 Space = Dict[str, Range]
+"""The search space: ranges by full parameter name."""
 
 
 class Plan(NamedTuple):
-    """How to search.
+    """Settings of a search.
 
     Attributes:
-        trials: How many there are to be in the end.
-        together: How many a round has.
-        seed: Of all chance in drawing.
-        metric: What is to be better, a measure's name.
+        trials: Number of trials in the end.
+        together: Number of trials of a round, which are driven in parallel.
+        seed: Seed of the sampler.
+        metric: Name of the measure to optimize.
     """
 
     trials: int
@@ -62,13 +63,13 @@ class Plan(NamedTuple):
 
 @dataclass(frozen=True)
 class TrialDrives:
-    """Drives worlds with parameters.
+    """Drives the episodes of trials.
 
     Attributes:
-        workers: Who drive.
-        seeds: That each world is driven with.
-        time_limit: Seconds of computing after which an episode counts as hung.
-        setup_of: Makes the setup of parameters.
+        workers: Run the episodes.
+        seeds: Seeds with which each world is driven.
+        time_limit: Seconds of CPU time after which an episode counts as hung.
+        setup_of: Returns the setup for a trial's parameters.
     """
 
     workers: Workers
@@ -81,8 +82,7 @@ class TrialDrives:
         return replace(self, seeds=seeds)
 
     def results(self, wanted: Sequence[Tuple[Parameters, Sequence[EpisodeTask]]]) -> List[List[EpisodeResult]]:
-        """Drive worlds with parameters, all side by side; return the results of each, in one order however they ended.
-        """
+        """Drive all episodes in parallel; return the results of each pair in `wanted`, sorted by world and seed."""
         owners: Dict[int, int] = {}
         jobs = []
         for index, (parameters, tasks) in enumerate(wanted):
@@ -100,15 +100,15 @@ def search(
     study: Any, space: Space, plan: Plan, tasks: Sequence[EpisodeTask], driving: TrialDrives,
     tell: Callable[[str], None],
 ) -> None:
-    """Try parameters until there are as many trials as planned.
+    """Run trials until the study has as many as planned.
 
     Args:
-        study: Optuna's, on disk.
-        space: Ranges by name.
-        plan: How.
+        study: Optuna's study, on disk.
+        space: Ranges by parameter.
+        plan: Settings of the search.
         tasks: The worlds to tune on.
-        driving: Who drives.
-        tell: Takes a line per trial.
+        driving: Drives the episodes.
+        tell: Called with a line for each trial.
     """
     import optuna
 
@@ -135,17 +135,17 @@ def search(
 def _tried(
     trials: Sequence[Any], metric: str, tasks: Sequence[EpisodeTask], driving: TrialDrives, first: int
 ) -> List[Dict[str, Any]]:
-    """Return what came of a round's trials, as Optuna's create_trial takes it.
+    """Drive a round's trials; return the result of each, as arguments of Optuna's create_trial.
 
     Args:
-        trials: Asked for.
-        metric: What is to be better.
+        trials: Trials drawn by Optuna.
+        metric: Name of the measure to optimize.
         tasks: The worlds.
-        driving: Who drives.
+        driving: Drives the episodes.
         first: Number of the first trial.
 
     Raises:
-        ValueError: The worlds have nothing to measure the metric by.
+        ValueError: No episode has the metric.
     """
     import optuna
 
@@ -171,10 +171,10 @@ def _tried(
 
 
 def value_of(results: Sequence[EpisodeResult], metric: str) -> float:
-    """Return how good drives are: a measure's mean, or its negative where less of it is better.
+    """Return the value to maximize: a measure's mean over results, negated where less of it is better.
 
-    A drive without it, such as one that could not be driven, is as bad as can be: 0 where more is better, endless where
-    less is.
+    A result without a value, such as one that could not be driven, counts as 0 where more is better and as infinite
+    where less is.
     """
     measure = measure_of(metric)
     worst = 0.0 if measure.better > 0 else math.inf
@@ -183,7 +183,7 @@ def value_of(results: Sequence[EpisodeResult], metric: str) -> float:
 
 
 def _require(metric: str, results: Sequence[EpisodeResult], number: int) -> None:
-    """Raise ValueError where drives lack a measure though they were driven: their worlds have nothing to measure."""
+    """Raise ValueError where no episode that was driven has the measure, as in worlds without a reference path."""
     driven = [result for result in results if result.outcome != ERROR]
     if driven and all(measure_of(metric).of(result) is None for result in driven):
         raise ValueError(f"no drive of trial {number + 1} has a '{metric}'; these worlds have nothing to measure it by")

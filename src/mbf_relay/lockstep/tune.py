@@ -1,4 +1,4 @@
-"""The tune command: Optuna looks for better parameters, and worlds it has not seen say whether that was luck."""
+"""The tune command: searches for better parameters with Optuna, and tests them on worlds kept from the search."""
 
 from __future__ import annotations
 
@@ -32,15 +32,16 @@ from mbf_relay.lockstep.workers import tell, workers_for
 from mbf_relay.whole_files import write_whole
 
 HELD_OUT = 3
-"""Every so-manieth world is kept from the tuning, for the verdict."""
+"""Every third world is kept from the search, for the final test."""
 OTHER_SEEDS = 1000
-"""Added to the seeds for the verdict."""
+"""Added to the seeds for the final test."""
 KEPT = 64
-"""Setups kept once made: a trial's is asked for at each look at it, and the best one's once more for the verdict."""
+"""Size of the cache of setups: a trial's setup is needed for each part of its worlds, the best one's also at the end.
+"""
 
 
 def main(arguments: Optional[Sequence[str]] = None) -> int:
-    """Run the command; return its exit status: 0, 1 for what a user can mend, 130 when interrupted."""
+    """Run the command; return its exit status: 0, 1 for an error that a user can fix, 130 when interrupted."""
     options = _parse(without_remappings(sys.argv[1:] if arguments is None else arguments))
     try:
         tasks = [task.scaled(options.scale) for task in load_tasks(options.worlds)]
@@ -91,22 +92,22 @@ def main(arguments: Optional[Sequence[str]] = None) -> int:
 
 
 def split(tasks: Sequence[EpisodeTask]) -> Tuple[List[EpisodeTask], List[EpisodeTask]]:
-    """Return the worlds to tune on, and those kept for the verdict; a single one serves both, with other seeds."""
+    """Return the worlds to tune on, and those for the final test; fewer than three serve for both, with other seeds."""
     kept = [task for index, task in enumerate(tasks) if index % HELD_OUT == HELD_OUT - 1]
     rest = [task for task in tasks if task not in kept] if kept else list(tasks)
     return rest, kept or list(tasks)
 
 
 def read_space(texts: Sequence[str], file: Optional[Path], setup: Setup) -> Space:
-    """Return the range of each parameter by its full name.
+    """Return the search space of options and file.
 
     Args:
         texts: Each "NAME=LOW:HIGH".
-        file: YAML of {NAME: [LOW, HIGH]}; None for none.
-        setup: Whose parameters they are.
+        file: YAML file of {NAME: [LOW, HIGH]}, or None.
+        setup: The setup with the parameters to be tuned.
 
     Raises:
-        ValueError: A range is empty or malformed, or a name is not known; the text names it, and the nearest.
+        ValueError: A range is empty or malformed, or a name is unknown; the text suggests the nearest.
     """
     ranges: List[Tuple[str, Any, Any]] = []
     if file is not None:
@@ -133,12 +134,12 @@ def _range(name: str, first: Any, last: Any, declared: Any) -> Range:
     """Return a parameter's range.
 
     Args:
-        name: Of the parameter, for people.
-        first, last: Its ends, as somebody wrote them.
+        name: The parameter's name, for errors.
+        first, last: The ends, as text or from YAML.
         declared: The parameter's type.
 
     Raises:
-        ValueError: It is none, or not one of that type.
+        ValueError: The range is invalid, or the parameter is no number.
     """
     try:
         low, high = float(first), float(last)
@@ -155,7 +156,7 @@ def _range(name: str, first: Any, last: Any, declared: Any) -> Range:
 
 
 def _check_ends(options: argparse.Namespace, tasks: Sequence[EpisodeTask], space: Space, setup: Setup) -> None:
-    """Raise ValueError where an end of a range is refused, or another value than that would be driven with."""
+    """Raise ValueError where an end of a range is refused, or would be changed, as by clamping."""
     for name, between in space.items():
         for end in (between.low, between.high):
             found = setup_of(options, tasks, changes_of({name: int(end) if between.whole else end}))
@@ -166,10 +167,10 @@ def _check_ends(options: argparse.Namespace, tasks: Sequence[EpisodeTask], space
 
 @contextlib.contextmanager
 def _study_in(folder: Path) -> Iterator[None]:
-    """Have a folder alone for a while, and what the data base raises there as a ValueError of one line.
+    """Lock a folder for a `with` block, in which errors of Optuna and its database become a ValueError of one line.
 
     Raises:
-        ValueError: Another search is at work there, or the study cannot be read or written.
+        ValueError: Another search uses the folder, or the study cannot be read or written.
     """
     folder.mkdir(parents=True, exist_ok=True)
     descriptor = os.open(str(folder), os.O_RDONLY)
@@ -177,7 +178,7 @@ def _study_in(folder: Path) -> Iterator[None]:
         have_alone(descriptor, folder, "search")
         yield
     except Exception as error:
-        known = ("optuna", "sqlalchemy")  # neither need be installed
+        known = ("optuna", "sqlalchemy")  # by name, as they need not be installed
         if type(error).__module__.partition(".")[0] not in known:
             raise
         reason = error if getattr(error, "orig", None) else error.__cause__ or error
@@ -188,10 +189,10 @@ def _study_in(folder: Path) -> Iterator[None]:
 
 
 def open_study(options: argparse.Namespace, space: Space, setup: Setup, tasks: Sequence[EpisodeTask]) -> Any:
-    """Return the study in the output folder, a new one or the one begun there.
+    """Return the study in the output folder, which is created where there is none.
 
     Raises:
-        ValueError: Optuna is not installed, or the study there is of something else; the text says of what.
+        ValueError: Optuna is not installed, or the study there has other settings; the text names the first.
     """
     try:
         import optuna
@@ -203,7 +204,7 @@ def open_study(options: argparse.Namespace, space: Space, setup: Setup, tasks: S
         "seeds": options.seeds, "seed": options.seed, "together": options.together,
         **settings_of(Path(options.worlds).name, tasks, setup),
     }
-    file = quote(str((options.out / "study.db").resolve()))  # a name may hold what an address has a meaning for
+    file = quote(str((options.out / "study.db").resolve()))  # a path may have characters that are special in a URI
     study = optuna.create_study(
         storage=f"sqlite:///file:{file}?uri=true", study_name="mbf_relay", load_if_exists=True, direction="maximize")
     before, now = study.user_attrs.get("about"), json.loads(json.dumps(about))
@@ -216,16 +217,16 @@ def open_study(options: argparse.Namespace, space: Space, setup: Setup, tasks: S
 
 
 def changes_of(parameters: Parameters) -> List[str]:
-    """Return parameters as changes to settings, written as YAML has them: Python's 1e-05 is a text there."""
+    """Return parameters as changes "a.b=c", with values written as YAML: Python's 1e-05 would be read as a string."""
     return [f"{name}={yaml.safe_dump(value).split()[0]}" for name, value in parameters.items()]
 
 
 def write_best(folder: Path, setup: Setup) -> None:
-    """Write what a setup has beside the package's own files: plugins, changes and what was tuned.
+    """Write all parameters of a setup that differ from the package's files: the user's own and the tuned ones.
 
     Args:
-        folder: Takes `best.yaml`, with the nodes' names as its first level, and `best`, with a file a node.
-        setup: The best one.
+        folder: Gets `best.yaml`, with the nodes' names as its first level, and a folder `best` with a file per node.
+        setup: The best setup.
     """
     nodes = own_part(setup.settings, load_settings(config_folder()))
     (folder / "best").mkdir(parents=True, exist_ok=True)
@@ -237,14 +238,14 @@ def write_best(folder: Path, setup: Setup) -> None:
 def verdict(
     unseen: Sequence[EpisodeTask], best: Parameters, drive: TrialDrives, metric: str, is_unseen: bool
 ) -> str:
-    """Return whether the best parameters are better than those begun with, on seeds they never met.
+    """Test the best parameters against the initial ones, with seeds that were not tuned on; return the result as text.
 
     Args:
-        unseen: The worlds to tell by.
-        best: Parameters.
-        drive: Drives worlds.
-        metric: What was tuned for, told of beside success.
-        is_unseen: Whether the worlds were not tuned on.
+        unseen: The worlds to test on.
+        best: The best parameters.
+        drive: Drives the episodes.
+        metric: The measure that was optimized; tested beside success.
+        is_unseen: Whether the worlds were kept from the search.
     """
     others = drive.with_other_seeds([seed + OTHER_SEEDS for seed in drive.seeds])
     before, after = others.results([({}, unseen), (best, unseen)])

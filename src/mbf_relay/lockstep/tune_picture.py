@@ -1,4 +1,4 @@
-"""A picture of a search: its history, and how much each parameter had to do with it."""
+"""A picture of a parameter search: the values of its trials, and the importance of each parameter."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ import numpy as np
 from mbf_relay.whole_files import whole_file
 
 Tried = Tuple[Mapping[str, float], float]
-"""Parameters and the value they came to."""
+"""A trial's parameters and its value."""
 
 
 def importances(tried: Sequence[Tried]) -> Dict[str, float]:
-    """Return the size of each parameter's rank correlation with the value (Spearman's), the largest first.
+    """Return the magnitude of each parameter's rank correlation with the value (Spearman's), the largest first.
 
-    It sees what rises or falls; a parameter whose best lies in the middle of its range looks unimportant.
+    Only monotonic influence counts: a parameter whose optimum lies in the middle of its range looks unimportant.
     """
     if len(tried) < 3:
         return {}
@@ -30,7 +30,7 @@ def importances(tried: Sequence[Tried]) -> Dict[str, float]:
 
 
 def best_so_far(values: Sequence[float], better: int) -> np.ndarray:
-    """Return the best of each value and all before it, shape (N,).
+    """Return the running best of the values, shape (N,).
 
     Args:
         values: In the order of the search.
@@ -68,7 +68,7 @@ def draw(path: Path, tried: Sequence[Tried], better: int) -> None:
 
 
 def _ranks(values: List[float]) -> np.ndarray:
-    """Return the rank of each value, equal ones sharing the mean of theirs, shape (N,)."""
+    """Return the rank of each value, with the mean rank for equal ones, shape (N,)."""
     _, index, counts = np.unique(values, return_inverse=True, return_counts=True)
     ranks: np.ndarray = (np.cumsum(counts) - 0.5 * (counts - 1))[index]
     return ranks
