@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from numbers import Real
 from typing import List, Optional, Tuple
 
 import numpy as np
@@ -113,7 +114,7 @@ class DwaController(PathFollower):
             state.now, state.pose, cycle.velocity, cycle.path, cycle.checker, window, cycle.horizon_scale)
 
     def _score(self, trajectories: Trajectories, data: CriticData) -> Explanation:
-        asked = [critic for critic in self.critics if critic.scale > 0.0]
+        asked = [critic for critic in self.critics if _weight(critic) > 0.0]
         scores = np.zeros((len(asked), len(trajectories)))
         for row, critic in zip(scores, asked):
             with failures_of(critic, "critic"):
@@ -201,3 +202,11 @@ class DwaController(PathFollower):
 
 def _make_critics(parameters: DwaParameters) -> List[Critic]:
     return [find_class(name, Critic, CRITICS)(name, parameters) for name in parameters.critics]
+
+
+def _weight(critic: Critic) -> float:
+    with failures_of(critic, "critic"):
+        if not isinstance(critic.scale, Real):
+            kind = type(critic.scale).__name__
+            raise TypeError(f"its scale is of type {kind}; it must be a number, and a @property where it is computed")
+        return float(critic.scale)

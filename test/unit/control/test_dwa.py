@@ -197,6 +197,15 @@ def test_a_critic_that_scores_nonsense_drives_nobody_and_is_named(answer, words)
         controller.compute_velocity(state(velocity=Twist2D(0.2, 0.0, 0.0)))
 
 
+@pytest.mark.parametrize("scale, kind", [(lambda: 0.5, "function"), ("0.5", "str"), (None, "NoneType")])
+def test_a_critic_whose_scale_is_no_number_is_named(monkeypatch, scale, kind):
+    """Who forgot @property was told that a method cannot be compared, and not of which of twelve critics."""
+    controller = on_the_way(critics=("obstacle", "path", "goal", "test_dwa.Odd"))
+    monkeypatch.setattr(Odd, "scale", scale if not callable(scale) else staticmethod(scale))
+    with pytest.raises(PluginFailure, match=f"critic 'test_dwa.Odd' failed with TypeError: its scale .* {kind};"):
+        controller.compute_velocity(state(velocity=Twist2D(0.2, 0.0, 0.0)))
+
+
 def test_a_list_of_scores_is_as_good_as_an_array():
     controller = on_the_way(critics=("obstacle", "path", "goal", "test_dwa.Odd"))
     controller.critics[-1].answer = lambda count: [0.0] * count
