@@ -8,13 +8,17 @@ from typing import Any, Iterator, List, Mapping, Tuple, Type
 
 import numpy as np
 
+from mbf_relay.control.critics import CRITICS
+from mbf_relay.control.critics.critic import Critic
 from mbf_relay.costmap.factory import layer_class, layer_groups
+from mbf_relay.costmap.layer import Layer
 from mbf_relay.costmap.observation_source import SourceParameters
 from mbf_relay.costmap.obstacle_layer import ObstacleLayerParameters
 from mbf_relay.costmap.outline import parse_footprint, radii
 from mbf_relay.costmap.parameters import CostmapParameters
 from mbf_relay.misspelling import nearest_of
 from mbf_relay.parameters import ParameterSet
+from mbf_relay.plugins import PluginError, find_class
 
 FASTEST = {"max_vel_x": 5.0, "max_vel_y": 5.0, "max_vel_trans": 5.0, "max_trans_vel": 5.0, "max_vel_lin": 5.0}
 """Speeds (m/s) beyond which a value is more likely cm/s: indoor robots are slower, and their scans too slow for more.
@@ -111,6 +115,9 @@ def _of_what_is_driven_by(group: Mapping[str, Any]) -> Iterator[Doubt]:
     """Doubt a local costmap that shows nothing new, or a layer of it that shows nothing."""
     seeing = [(name, kind.groups(values)) for name, kind, values in _layers(group)
               if issubclass(kind, ObstacleLayerParameters)]
+    if not _may_see(group):
+        yield "plugins", (f"lists no layer that takes what a sensor sees, {BLIND}; the list replaces all other layers, "
+                          "and the costmap's own observation_sources are not read beside it")
     for name, sources in seeing:
         if not sources:
             named = {name for name, _type, _values in layer_groups(group)}
@@ -142,6 +149,16 @@ def _of_sources(group: Mapping[str, Any]) -> Iterator[Doubt]:
             if source in group:
                 text += "; the costmap's own group of that name is not read for layers it lists"
             yield at, text
+
+
+def _may_see(group: Mapping[str, Any]) -> bool:
+    """Return whether some layer has sensors: one of ours, one that has overridden `sources`, or one that is not found.
+    """
+    try:
+        listed = layer_groups(group)
+        return any(layer_class(type_name, values).sources is not Layer.sources for _name, type_name, values in listed)
+    except ValueError:
+        return True  # told elsewhere
 
 
 def _layers(group: Mapping[str, Any]) -> Iterator[Tuple[str, Type[ParameterSet], Any]]:
@@ -189,9 +206,21 @@ def _of_controller(group: Mapping[str, Any]) -> Iterator[Doubt]:
     for name, never in NEVER_MOVES.items():
         if _is_zero(group.get(name)):
             yield name, f"is {group[name]}; the robot would never {never}"
+    if not _rules_out_contacts(group.get("critics")):
+        yield "critics", ("lists no 'obstacle', which rules out what touches: the robot drives into what it sees; the "
+                          "list replaces the default one")
     for name, (most, unit) in WIDEST_TOLERANCE.items():
         if _number(group.get(name)) > most:
             yield name, f"is {group[name]}; beyond {most:.3g} {unit} most goals count as reached at once"
+
+
+def _rules_out_contacts(critics: Any) -> bool:
+    """Return whether one of DWA's critics, if these are, rules out what touches."""
+    try:
+        kinds = [find_class(name, Critic, CRITICS) for name in critics or ()]
+    except (PluginError, TypeError, AttributeError):
+        return True  # of another controller, or told elsewhere
+    return not kinds or any(kind.rules_out_contacts for kind in kinds)
 
 
 def _is_zero(value: Any) -> bool:

@@ -63,6 +63,7 @@ class Critic(Plugin, abc.ABC):
         yields_where_held: Whether it is left out where its scores hold the robot that could get on: at a bend the
             forward point may be as near to the path as it gets where the robot stands.
         passes_by_itself: Whether what it objects to goes away in time: a robot that it alone holds waits.
+        rules_out_contacts: Whether it rules out what touches; who lists no such critic is warned.
     """
 
     Parameters = DwaParameters
@@ -71,6 +72,7 @@ class Critic(Plugin, abc.ABC):
     judges_way: ClassVar[bool] = False
     yields_where_held: ClassVar[bool] = False
     passes_by_itself: ClassVar[bool] = False
+    rules_out_contacts: ClassVar[bool] = False
 
     @property
     @abc.abstractmethod

@@ -22,6 +22,7 @@ class ObstacleCost(Critic):
     """
 
     judges_way = True
+    rules_out_contacts = True
 
     @property
     def scale(self) -> float:

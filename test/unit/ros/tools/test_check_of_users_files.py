@@ -243,3 +243,29 @@ def test_a_robot_led_right_beside_what_it_sees_is_doubted(tmp_path, order, doubt
     status, told = check(tmp_path, COSTMAPS.replace("observation_sources: scan, ", layers))
     assert ("doubtful: local_costmap/plugins: lists 'seen' after 'inflated', which inflates only" in told) == doubted
     assert status == int(doubted), told
+
+
+@pytest.mark.parametrize("layers, doubted", [
+    ("{name: inflation, type: 'costmap_2d::InflationLayer'}", True),
+    ("{name: seen, type: 'costmap_2d::ObstacleLayer'}, {name: inflation, type: 'costmap_2d::InflationLayer'}", False),
+    ("{name: sonar, type: 'range_sensor_layer::RangeSensorLayer'}", False),
+    ("{name: theirs, type: 'their_layers::DepthLayer'}", False),
+    ("", True),
+])
+def test_a_robot_whose_layers_all_see_nothing_is_not_called_sound(tmp_path, layers, doubted):
+    """Who added one layer of his own had replaced those that see, and drove into a wall with exit status 0."""
+    group = f"plugins: [{layers}], seen: {{observation_sources: scan, scan: {{topic: scan}}}}, "
+    _, told = check(tmp_path, COSTMAPS.replace("rolling_window: true, ", "rolling_window: true, " + group))
+    assert ("local_costmap/plugins: lists no layer that takes what a sensor sees, so that nothing" in told) == doubted
+
+
+@pytest.mark.parametrize("critics, doubted", [
+    ("[path, goal]", True), ("[mbf_relay.control.critics.motion.Slow]", True), ("[path, obstacle]", False),
+    ("[mbf_relay.control.critics.obstacle.ObstacleCost, path]", False), ("[]", False), ("[ObstacleCritic]", False),
+    ("[misspelt, path]", False), ("3", False),
+])
+def test_a_robot_whose_critics_let_it_touch_things_is_not_called_sound(tmp_path, critics, doubted):
+    """Who added one critic of his own had replaced the one of obstacles."""
+    chosen = f"base_local_planner: dwa_local_planner/DWAPlannerROS\nDWAPlannerROS: {{critics: {critics}}}\n"
+    _, told = check(tmp_path, COSTMAPS + chosen)
+    assert ("doubtful: DWAPlannerROS/critics: lists no 'obstacle'" in told) == doubted, told
