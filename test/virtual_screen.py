@@ -32,8 +32,9 @@ class VirtualScreen:
         if not display:
             raise RuntimeError("Xvfb did not start; is the package xvfb installed?")
         self._home = tempfile.TemporaryDirectory()
+        # Without a graphics card a core draws; no test looks at the smooth edges that take four samples of a pixel.
         self.environment = dict(
-            os.environ, DISPLAY=f":{display}", LIBGL_ALWAYS_SOFTWARE="1", HOME=self._home.name,
+            os.environ, DISPLAY=f":{display}", LIBGL_ALWAYS_SOFTWARE="1", DRI_NO_MSAA="1", HOME=self._home.name,
             XDG_RUNTIME_DIR=self._home.name,
         )
         return self
