@@ -14,7 +14,7 @@ from benchmark.arena import arena_map
 from benchmark.held_out import START_COVARIANCE, held_out_drives
 from benchmark.metric import Metric, metric_of, time_call
 from benchmark.synthetic_buildings import BUILDINGS, FAMILIAR
-from benchmark.synthetic_drives import Rough, make_drive, spoil_odometry, wander
+from benchmark.synthetic_drives import Rough, as_map, make_drive, spoil_odometry, wander
 from mbf_relay.geometry import IDENTITY, Pose2D, angle_between
 from mbf_relay.localization.distance_field import DistanceField, distances_to
 from mbf_relay.localization.estimate import estimate
@@ -25,6 +25,8 @@ from mbf_relay.localization.motion_models import make_motion_model
 from mbf_relay.localization.node_parameters import AmclParameters
 from mbf_relay.localization.replay import LOST_FROM, errors, replay
 from mbf_relay.localization.resampling import particle_limits, resample
+from mbf_relay.localization.scan_search import ScanSearch
+from mbf_relay.localization.tracker import START_MARGIN
 from mbf_relay.lockstep.episodes import EpisodeJob
 from mbf_relay.lockstep.settings import config_folder
 from mbf_relay.lockstep.setup import make_setup
@@ -205,6 +207,7 @@ def speed(repeats: int) -> Iterator[Metric]:
         yield time_call(f"resample {count}", lambda: resample(poses, weights, limits, rng), repeats, particles=count)
         yield time_call(f"estimate {count}", lambda: estimate(poses, weights), repeats, particles=count)
     yield from _whole_updates(occupancy, scan, repeats)
+    yield from _one_scan_searches(max(3, repeats // 5))
     walls = np.zeros((4000, 4000), dtype=bool)
     walls[rng.integers(0, 4000, 40000), rng.integers(0, 4000, 40000)] = True
     yield time_call("distance field 4000 x 4000", lambda: distances_to(walls, 0.05, 2.0), max(3, repeats // 5))
@@ -223,6 +226,18 @@ def _whole_updates(occupancy: OccupancyMap, scan: LaserScan, repeats: int) -> It
         yield time_call(
             "whole update, robust" if robust else "whole update", update, repeats, particles=3000, beams=180
         )
+
+
+def _one_scan_searches(repeats: int) -> Iterator[Metric]:
+    """Look for a scan of a building, and for one that fits nowhere, on a map of 64 x 60 m."""
+    rng = np.random.default_rng(1)
+    walls = np.block([[BUILDINGS["office"](rng) for _ in range(2)] for _ in range(3)])
+    field = DistanceField(as_map(walls), 2.0)
+    search, bearings, seen = ScanSearch(field), np.arange(180) * (2.0 * math.pi / 180.0), np.empty(180)
+    cast_scan(field.random_free_poses(1, rng), field.blocked, field.frame, 20.0, bearings, seen)
+    for name, ranges in (("one-scan search", seen), ("one-scan search, fits nowhere", rng.uniform(0.3, 8.0, 180))):
+        hits = np.column_stack((ranges * np.cos(bearings), ranges * np.sin(bearings)))
+        yield time_call(name, lambda: search.search(hits, margin=START_MARGIN), repeats, cells=walls.size)
 
 
 def _arena_scan(occupancy: OccupancyMap) -> LaserScan:

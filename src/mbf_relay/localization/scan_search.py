@@ -14,7 +14,7 @@ import numpy as np
 
 from mbf_relay.localization.distance_field import DistanceField, is_free
 from mbf_relay.localization.scan_likelihood import apart, thin_out
-from mbf_relay.localization.search_kernels import bound_all, descend
+from mbf_relay.localization.search_kernels import best_first, bound_all, descend
 
 BEAMS = 60
 """Ends of beams that are searched with, at most; evenly chosen, as more take longer and tell little more."""
@@ -81,16 +81,18 @@ class ScanSearch:
             return Places(np.empty((0, 3)), np.empty(0))
         headings = np.arange(TURNS) * (2.0 * math.pi / TURNS)
         offsets = self._offsets(endpoints, headings)
-        bounds = np.empty(len(blocks) * TURNS, dtype=np.int32)
+        bounds = np.empty(len(blocks) * TURNS, dtype=np.uint16)
         bound_all(self._top, blocks, offsets, self._scores, self._levels, bounds)
         full = 255.0 * len(endpoints)
-        found = np.empty((min(len(bounds), MOST_VISITS + 1), 4))  # each took a visit at least
+        order = np.empty(min(len(bounds), MOST_VISITS + 1), dtype=np.int64)  # each takes a visit at least
+        best_first(bounds, order)
+        found = np.empty((len(order), 4))
         count = descend(
             self._leaf,
             self._top,
             blocks,
             bounds,
-            np.argsort(-bounds, kind="stable"),
+            order,
             offsets,
             self._scores,
             self._levels,

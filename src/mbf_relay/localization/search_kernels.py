@@ -8,9 +8,9 @@ import numpy as np
 from mbf_relay.kernels import kernel
 
 
-@kernel("float64(int64, int64, int64, int64, int32[:,:,::1], uint8[::1], int64[:,::1])")
-def bound_of(level, row, column, turn, offsets, scores, levels):
-    """Return the sum that a scan scores at most with the robot in a block of cells.
+@kernel("float64(int64, int64, int64, int64, int32[:,:,::1], uint8[::1], int64[:,::1], float64)")
+def bound_of(level, row, column, turn, offsets, scores, levels, least):
+    """Return the sum that a scan scores at most with the robot in a block of cells, or 0 where that is too little.
 
     Args:
         level: Of the pyramid; a block has 2^level cells a side.
@@ -20,20 +20,24 @@ def bound_of(level, row, column, turn, offsets, scores, levels):
         scores: The pyramid: at each block the best score of 2 x 2 blocks from it on, levels one after the other, each
             with a row and a column of blocks before the map's first.
         levels: Where a level begins in `scores`, its rows and its columns, shape (L, 3).
+        least: What is enough.
     """
     begin, height, width = levels[level, 0], levels[level, 1], levels[level, 2]
     row0, column0 = row << level, column << level
-    total = 0
-    for j in range(offsets.shape[1]):
+    beams, total = offsets.shape[1], 0
+    spare = 255 * beams - least  # what beams may miss
+    for j in range(beams):
         x = (column0 + offsets[turn, j, 0]) >> level
         y = (row0 + offsets[turn, j, 1]) >> level
         if x >= -1 and y >= -1 and x < width and y < height:
             total += scores[begin + (y + 1) * (width + 1) + x + 1]
+        if 255 * (j + 1) - total > spare:
+            return 0.0
     return float(total)
 
 
 @kernel(
-    "int64(int64, int64, int64[:,::1], int32[::1], int64[::1], int32[:,:,::1], uint8[::1], int64[:,::1], uint8[::1],"
+    "int64(int64, int64, int64[:,::1], uint16[::1], int64[::1], int32[:,:,::1], uint8[::1], int64[:,::1], uint8[::1],"
     " float64, int64, float64[:,::1])"
 )
 def descend(leaf, top, blocks, bounds, order, offsets, scores, levels, free, margin, most_visits, found):
@@ -45,12 +49,12 @@ def descend(leaf, top, blocks, bounds, order, offsets, scores, levels, free, mar
     Args:
         leaf: Level at which places are told apart.
         top, blocks, bounds: As `bound_all` leaves them.
-        order: What sorts the bounds, most promising first, shape (R * turns,).
+        order: Which of the bounds to look at, most promising first, shape (K,).
         offsets, scores, levels: As for `bound_of`.
         free: Laid out as `scores`: whether the robot can be in a block.
         margin: How far below the best a place may score.
         most_visits: Blocks to look at before the search ends with what it has.
-        found: Result, room for a row of each bound: score, row, column (in leaf's blocks) and heading's index.
+        found: Result, room for a row of each of these: score, row, column (in leaf's blocks) and heading's index.
 
     Returns:
         How many were found.
@@ -84,7 +88,10 @@ def descend(leaf, top, blocks, bounds, order, offsets, scores, levels, free, mar
                 y, x = 2 * row + child // 2, 2 * column + child % 2
                 if y >= height or x >= width or free[begin + (y + 1) * (width + 1) + x + 1] == 0:
                     continue
-                value = bound_of(below, y, x, turn, offsets, scores, levels)
+                least = max(own + 1.0, best - margin)
+                value = bound_of(below, y, x, turn, offsets, scores, levels, least)
+                if value < least:
+                    continue
                 place = depth
                 while place > first and stack_bounds[place - 1] > value:
                     stack_bounds[place] = stack_bounds[place - 1]
@@ -100,18 +107,59 @@ def descend(leaf, top, blocks, bounds, order, offsets, scores, levels, free, mar
     return count
 
 
-@kernel("void(int64, int64[:,::1], int32[:,:,::1], uint8[::1], int64[:,::1], int32[::1])")
+@kernel("void(uint16[::1], uint8[::1])")
+def add(sums, scores):
+    """Add scores to sums, of one shape: on its own, as a loop that compilers find wide vectors for."""
+    for x in range(len(sums)):
+        sums[x] += scores[x]
+
+
+@kernel("void(int64, int64[:,::1], int32[:,:,::1], uint8[::1], int64[:,::1], uint16[::1])")
 def bound_all(top, blocks, offsets, scores, levels, bounds):
-    """Find what a scan scores at most in blocks at every heading.
+    """Find what a scan scores at most in blocks at every heading: what `bound_of` does, for a row of blocks at once.
 
     Args:
         top: Level of the blocks.
-        blocks: Row and column of each, shape (R, 2).
+        blocks: Row and column of each, shape (R, 2), one row after the other.
         offsets, scores, levels: As for `bound_of`.
         bounds: Result, shape (R * turns,): of one block after the other at all headings; a large map has millions.
     """
-    turns = offsets.shape[0]
-    for block in range(blocks.shape[0]):
+    begin, height, width = levels[top, 0], levels[top, 1], levels[top, 2]
+    turns, sums = offsets.shape[0], np.empty(width, dtype=np.uint16)
+    first = 0
+    while first < len(blocks):
+        row, end = blocks[first, 0], first
+        while end < len(blocks) and blocks[end, 0] == row:
+            end += 1
         for turn in range(turns):
-            bounds[block * turns + turn] = int(
-                bound_of(top, blocks[block, 0], blocks[block, 1], turn, offsets, scores, levels))
+            sums[:] = 0
+            for j in range(offsets.shape[1]):
+                y, shift = row + (offsets[turn, j, 1] >> top), offsets[turn, j, 0] >> top
+                left, right = max(blocks[first, 1], -1 - shift), min(blocks[end - 1, 1] + 1, width - shift)
+                if -1 <= y < height and left < right:
+                    place = begin + (y + 1) * (width + 1) + shift + 1
+                    add(sums[left:right], scores[place + left:place + right])
+            for block in range(first, end):
+                bounds[block * turns + turn] = sums[blocks[block, 1]]
+        first = end
+
+
+@kernel("void(uint16[::1], int64[::1])")
+def best_first(bounds, order):
+    """Find the highest bounds, highest first and the earlier of equals first, by counting how often each occurs.
+
+    Args:
+        bounds: Shape (N,).
+        order: Result, the indices of as many as fit, shape (K,), K at most N.
+    """
+    counts, places, total = np.zeros(1 << 16, dtype=np.int64), np.empty(1 << 16, dtype=np.int64), 0
+    for i in range(len(bounds)):
+        counts[bounds[i]] += 1
+    for bound in range(len(counts) - 1, -1, -1):
+        places[bound] = total
+        total += counts[bound]
+    for i in range(len(bounds)):
+        place = places[bounds[i]]
+        if place < len(order):
+            order[place] = i
+            places[bounds[i]] += 1
