@@ -34,8 +34,7 @@ LEAST_SHOWN = 0.1
 STANDS = 0.1
 """Share of the motion that asks for an update up to which odometry has a robot standing."""
 FEWEST_PREDICTED = 1500
-"""Particles that odometry moves at least, in the robust form: kept in few, the belief would still leave in few places.
-"""
+"""Particles that odometry moves at least, in the robust form: few would leave the belief in few places."""
 NO_NOISE = np.zeros((3, 3))
 """Of a step where no rival takes it; particles have their own."""
 
@@ -192,6 +191,11 @@ class Localizer:
         """
         return self._tracker.find(self._all_beams(scan, laser_pose_in_base).hits)
 
+    @property
+    def searched(self) -> float:
+        """Share, 0 to 1, of what may hold a place that the last search all over the map could look at."""
+        return self._tracker.searched
+
     def fit(self, pose: Pose2D, scan: LaserScan, laser_pose_in_base: Pose2D) -> Optional[float]:
         """Return which share of a scan, 0 to 1, the map explains from a pose; None where nothing came back.
 
@@ -334,8 +338,7 @@ class Localizer:
         return corrected
 
     def _reweight(self, beams: Beams) -> float:
-        """Weigh each particle by how the scan fits, and normalise (table 8.2, line 5); return the log of the average.
-        """
+        """Weigh each particle by how the scan fits, and normalise (table 8.2, line 5); return the average's log."""
         log_weights = self.log_weights + self._laser_model.log_likelihoods(self.poses, beams, self._converged)
         log_average = log_sum_exp(log_weights)
         self._averages.update(log_average, self.parameters.recovery_alpha_slow, self.parameters.recovery_alpha_fast)

@@ -35,10 +35,17 @@ MARGIN = 0.1
 
 
 class Places(NamedTuple):
-    """Where a scan fits, best first: poses of shape (K, 3), and scores of shape (K,), 0 to 1."""
+    """Where a scan fits, best first.
+
+    Attributes:
+        poses: Shape (K, 3).
+        scores: Shape (K,), 0 to 1.
+        searched: Share, 0 to 1, of what may hold such places that was looked at before the search ended.
+    """
 
     poses: np.ndarray
     scores: np.ndarray
+    searched: float = 1.0
 
 
 class ScanSearch:
@@ -87,7 +94,7 @@ class ScanSearch:
         order = np.empty(min(len(bounds), MOST_VISITS + 1), dtype=np.int64)  # each takes a visit at least
         best_first(bounds, order)
         found = np.empty((len(order), 4))
-        count = descend(
+        count, looked = descend(
             self._leaf,
             self._top,
             blocks,
@@ -102,14 +109,16 @@ class ScanSearch:
             found,
         )
         found = found[:count]
-        found = found[found[:, 0] >= found[:, 0].max(initial=0.0) - margin * full]
+        least = found[:, 0].max(initial=0.0) - margin * full
+        found = found[found[:, 0] >= least]
         side = self._field.resolution * 2 ** self._leaf
         poses = np.column_stack((
             (found[:, 2] + 0.5) * side, (found[:, 1] + 0.5) * side, headings[found[:, 3].astype(np.int64)],
         ))
         poses = self._field.origin.transform_poses(poses)
         kept = apart(poses, found[:, 0], most, distance=0.3, turn=0.15) if count else []
-        return Places(poses[kept], found[kept, 0] / full)
+        searched = 1.0 if looked < 0 else looked / np.count_nonzero(bounds >= least)
+        return Places(poses[kept], found[kept, 0] / full, searched)
 
     def _blocks(self) -> np.ndarray:
         """Return row and column of the blocks to begin with, shape (R, 2)."""

@@ -37,8 +37,8 @@ def bound_of(level, row, column, turn, offsets, scores, levels, least):
 
 
 @kernel(
-    "int64(int64, int64, int64[:,::1], uint16[::1], int64[::1], int32[:,:,::1], uint8[::1], int64[:,::1], uint8[::1],"
-    " float64, int64, float64[:,::1])"
+    "UniTuple(int64, 2)(int64, int64, int64[:,::1], uint16[::1], int64[::1], int32[:,:,::1], uint8[::1],"
+    " int64[:,::1], uint8[::1], float64, int64, float64[:,::1])"
 )
 def descend(leaf, top, blocks, bounds, order, offsets, scores, levels, free, margin, most_visits, found):
     """Find the best place in every block that may hold one nearly as good as the best of all.
@@ -57,14 +57,17 @@ def descend(leaf, top, blocks, bounds, order, offsets, scores, levels, free, mar
         found: Result, room for a row of each of these: score, row, column (in leaf's blocks) and heading's index.
 
     Returns:
-        How many were found.
+        How many were found, and at how many of `order` it looked, -1 where no other may hold such a place.
     """
-    count, best, visits, turns = 0, 0.0, 0, offsets.shape[0]
+    count, looked, best, visits, turns = 0, 0, 0.0, 0, offsets.shape[0]
     stack = np.empty((4 * 32, 3), dtype=np.int64)
     stack_bounds = np.empty(4 * 32)
     for node in order:
-        if bounds[node] < best - margin or visits > most_visits:
-            break
+        if bounds[node] < best - margin:
+            return count, -1
+        if visits > most_visits:
+            return count, looked
+        looked += 1
         block, turn = node // turns, node % turns
         stack[0, 0], stack[0, 1], stack[0, 2] = top, blocks[block, 0], blocks[block, 1]
         stack_bounds[0] = bounds[node]
@@ -104,7 +107,7 @@ def descend(leaf, top, blocks, bounds, order, offsets, scores, levels, free, mar
         if own >= 0.0:
             found[count, 0], found[count, 1], found[count, 2], found[count, 3] = own, own_row, own_column, turn
             count += 1
-    return count
+    return count, -1 if looked == len(bounds) else looked
 
 
 @kernel("void(uint16[::1], uint8[::1])")

@@ -114,12 +114,14 @@ class HypothesisTracker:
     Attributes:
         hypotheses: What the particles hold, and its rivals.
         blocks: Those of the map that changed.
+        searched: Share of the last search's places, 0 to 1, that could be looked at.
     """
 
     def __init__(self, field: DistanceField, parameters: LocalizerParameters) -> None:
         """Track on a map; with amcl's recovery on, look all over it soon after scans stop fitting."""
         self.hypotheses = Hypotheses()
         self.lever_arm = LeverArm()
+        self.searched = 1.0
         self._set_up(field, parameters)
         self.start()
 
@@ -253,7 +255,9 @@ class HypothesisTracker:
         """
         if self._search is None:
             self._search = ScanSearch(self._field)
-        return self._search.search(hits, margin=margin)
+        places = self._search.search(hits, margin=margin)
+        self.searched = places.searched
+        return places
 
     def _look_at_silence(self, poses: np.ndarray, log_weights: np.ndarray, seen: Seen, way: float) -> None:
         """Tell from a scan of which next to nothing came back whether something should have."""

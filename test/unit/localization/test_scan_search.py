@@ -6,6 +6,7 @@ import pytest
 from synthetic_room import ORIGIN, room, scan_at
 
 from mbf_relay.geometry import IDENTITY, Pose2D, angle_between
+from mbf_relay.localization import scan_search
 from mbf_relay.localization.beams import pick_beams
 from mbf_relay.localization.distance_field import DistanceField
 from mbf_relay.localization.scan_search import TURNS, ScanSearch
@@ -101,6 +102,14 @@ def test_a_robot_on_a_large_map_is_looked_for_in_little_memory():
     finally:
         tracemalloc.stop()
     assert len(found.poses) > 0 and most < 45 * (480 // 16) * (600 // 16) * TURNS
+
+
+def test_a_search_that_ends_early_tells_how_much_it_left_out(monkeypatch):
+    """A robot on a large map was told to be where it is not, and nobody that most of the map had not been looked at."""
+    search, scan = ScanSearch(DistanceField(room(), 2.0)), hits(room(), Pose2D(-1.5, 0.5, 0.3))
+    assert search.search(scan, margin=0.5).searched == 1.0
+    monkeypatch.setattr(scan_search, "MOST_VISITS", 50)
+    assert 0.0 < search.search(scan, margin=0.5).searched < 0.5
 
 
 def test_every_heading_is_tried():

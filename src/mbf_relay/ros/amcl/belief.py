@@ -112,5 +112,6 @@ def markers_of(hypotheses: Hypotheses, frame: str, stamp: rospy.Time) -> List[Ma
 def describe_places(places: Places) -> str:
     """Return places as text, best first: one line each with x, y (m), yaw (rad) and the score, 0 to 1."""
     return "\n".join(
-        f"x {pose[0]:.3f} y {pose[1]:.3f} yaw {pose[2]:.4f} score {score:.3f}" for pose, score in zip(*places)
+        f"x {pose[0]:.3f} y {pose[1]:.3f} yaw {pose[2]:.4f} score {score:.3f}"
+        for pose, score in zip(places.poses, places.scores)
     )

@@ -88,11 +88,15 @@ class ScanWatch:
         self._scans = diagnostics.RateMeter()
         self._warned_of: Set[str] = set()  # lidars that are dated otherwise, by frame; once
         self._jumps = 0  # of odometry that were told
+        self._searched = 1.0  # share that was told
 
     def saw(self, now: float) -> None:
         """Note that a scan came through at `now` (s, ROS time)."""
-        self._last = time.monotonic()
         self._scans.tick(now)
+
+    def worked(self) -> None:
+        """Note that all scans that came through are done with: what came meanwhile has waited for these alone."""
+        self._last = time.monotonic()
 
     def warn_of_jumps(self, jumps: int, odom_pose: Pose2D) -> None:
         """Say where odometry has begun anew at `odom_pose`, once for each of its jumps so far."""
@@ -102,6 +106,15 @@ class ScanWatch:
                 "last scan, and the scan still fits the pose before: odometry began anew, and the pose is kept",
                 *odom_pose)
         self._jumps = jumps
+
+    def warn_of_search(self, searched: float) -> None:
+        """Say where a search all over the map could look at no more than a share, 0 to 1, of what may hold a place."""
+        if searched < 1.0 and searched != self._searched:
+            rospy.logwarn(
+                "too much of the map looks like the scan to search it all: %.1f %% was looked at, and the robot may be "
+                "elsewhere; give an initial pose, or search again where the robot sees more",
+                100.0 * searched)
+        self._searched = searched
 
     def warn_of_dates(self, timings: LidarTimings) -> None:
         """Say of each lidar that is dated otherwise than odometry that it is, once."""

@@ -114,6 +114,7 @@ class AmclNode:
         while not rospy.is_shutdown():
             for message in self._queue.take(self.is_ready, timeout=0.1):
                 self.process(message)
+                self._scan_watch.worked()
             self._scan_watch.look(
                 self._queue, lambda message: missing_transform(self.transforms, self._parameters, message))
 
@@ -248,6 +249,7 @@ class AmclNode:
                 return TriggerResponse(False, "there is no map or no scan yet")
             try:
                 places = self._localizer.find(*self._newest_scan)
+                self._scan_watch.warn_of_search(places.searched)
                 if len(places.poses):
                     self._localizer.globalize()
             except ValueError as error:
@@ -300,6 +302,7 @@ class AmclNode:
                 self._resume()
                 estimate = self._localizer.process(self._odom_pose, scan, laser_pose)
                 self._scan_watch.warn_of_jumps(self._localizer.odometry.jumps, self._odom_pose)
+                self._scan_watch.warn_of_search(self._localizer.searched)
             except (ValueError, TransformError) as error:
                 rospy.logwarn_throttle(5.0, f"scan ignored: {error}")
                 return

@@ -92,6 +92,31 @@ def what_is_told(monkeypatch, frame, *known):
     return told
 
 
+def test_tf_is_not_blamed_for_a_long_search(monkeypatch):
+    """Somebody who asked for a search of a large map was told to look for a missing transform, and found none."""
+    clock, told, made, queue = [100.0], [], watch(), MessageQueue()
+    monkeypatch.setattr(health.time, "monotonic", lambda: clock[0])
+    monkeypatch.setattr(health.rospy, "resolve_name", lambda name: f"/{name}")
+    monkeypatch.setattr(health.rospy, "logwarn_throttle", lambda _period, text: told.append(text))
+    made.worked()
+    clock[0] += 3.0 * health.SILENCE  # of a search, in which scans came
+    made.worked()
+    queue.put(LaserScan(header=Header(frame_id="laser", stamp=rospy.Time(10.0))))
+    made.look(queue, lambda _message: "no transform")
+    assert not told
+    clock[0] += 2.0 * health.SILENCE
+    made.look(queue, lambda _message: "no transform")
+    assert told == ["scans on /scan wait for 30 s: no transform"]
+
+
+def test_of_a_search_that_could_not_look_everywhere_it_is_told_once(monkeypatch):
+    told, made = [], ScanWatch()
+    monkeypatch.setattr(rospy, "logwarn", lambda text, *values: told.append(text % values))
+    for searched in 1.0, 0.062, 0.062, 1.0:
+        made.warn_of_search(searched)
+    assert len(told) == 1 and "6.2 % was looked at" in told[0]
+
+
 @pytest.mark.parametrize("known, words", [
     ([("odom", "base_link", 10.0)], ["from 'laser' to 'base_link'", "does not exist"]),
     ([("base_link", "laser", 10.0)], ["from 'base_link' to 'odom'", "does not exist"]),

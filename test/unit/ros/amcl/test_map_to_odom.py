@@ -148,10 +148,12 @@ def of_one_scan(monkeypatch, late=0.0, jumps=0):
     node.__dict__.update(
         _parameters=AmclParameters(save_pose_rate=0.0), _lock=threading.RLock(), _kept=None,
         _scan_watch=SimpleNamespace(
-            saw=lambda _now: None, warn_of_dates=lambda _timings: None, warn_of_jumps=lambda *jump: told.append(jump)),
+            saw=lambda _now: None, warn_of_dates=lambda _timings: None, warn_of_search=lambda _searched: None,
+            warn_of_jumps=lambda *jump: told.append(jump)),
         _timings=SimpleNamespace(corrected=lambda scan, _pose: replace(scan, stamp=scan.stamp - late)),
         _localizer=SimpleNamespace(
-            process=lambda *_: None, odometry=SimpleNamespace(jumps=jumps), map_from_odom=POSE, poses=None),
+            process=lambda *_: None, odometry=SimpleNamespace(jumps=jumps), map_from_odom=POSE, poses=None,
+            searched=1.0),
         _map_to_odom=SimpleNamespace(update=lambda pose, stamp: updates.append((pose, stamp.to_sec()))),
         _saved_pose=SavedPose.__new__(SavedPose),
         transforms=SimpleNamespace(lookup=lambda *_: IDENTITY, frames_above=lambda *_: {}))
