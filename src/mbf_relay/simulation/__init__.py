@@ -1,6 +1,6 @@
-"""Simulation: worlds, robots, their sensors, and the physics (the only room that imports pybullet).
+"""Simulation: worlds, robots, their sensors, and the physics (only this package imports pybullet).
 
-`Simulation` is loaded when it is first asked for, so that worlds and their geometry can be used without pybullet.
+`Simulation` is imported on first use, so that worlds and their geometry can be used without pybullet.
 """
 
 from typing import TYPE_CHECKING, Any

@@ -1,7 +1,8 @@
-"""The robot's body in the physics: hull, and either two driven wheels and casters that glide, or wheels that all glide.
+"""The robot's body in PyBullet: a hull for collisions, and balls on which it stands.
 
-A differential drive is carried by its two wheels. Of four wheels, mecanum wheels and steered ones among them, the
-physics sees balls that glide under their places, and the tyres' grip as a limit to the change of the body's velocity.
+A differential drive stands on two driven wheels (balls with friction, turned by motors) and on casters without
+friction. A robot with four wheels, mecanum or steered, stands on balls without friction, and its body's velocity is set
+in each step, with the tyres' grip as a limit to its change.
 """
 
 from __future__ import annotations
@@ -36,9 +37,9 @@ class Motion(NamedTuple):
 
     Attributes:
         orientation: In the world, quaternion (x, y, z, w).
-        velocity: In its own axes (m/s).
-        turn_rate: In its own axes (rad/s).
-        up: The world's upward direction in its own axes.
+        velocity: Linear velocity in its own axes (m/s).
+        turn_rate: Angular velocity in its own axes (rad/s).
+        up: Unit vector along the world's z axis, in its own axes.
     """
 
     orientation: Tuple[float, float, float, float]
@@ -51,13 +52,13 @@ class Base:
     """The robot's body in one physics client."""
 
     def __init__(self, physics: Physics, parameters: SimulationParameters, robot: RobotModel, pose: Pose2D) -> None:
-        """Set a robot down.
+        """Create the body.
 
         Args:
-            physics: Where.
-            parameters: Of its motors and tyres.
-            robot: What it is made of.
-            pose: Of base_footprint.
+            physics: The physics client.
+            parameters: Parameters of motors and tyres.
+            robot: The robot's geometry and masses.
+            pose: Pose of base_footprint in the world.
         """
         self._physics, self._robot = physics, robot
         self._client = physics.client
@@ -68,14 +69,14 @@ class Base:
         self.body = self._create(Frame.from_pose(pose, robot.base_height))
         physics.filter(self.body, ROBOT, GROUND | FIXED | LOOSE)
         feet = WHEELS if self._driven else range(len(robot.wheel_places()))
-        for wheel in feet:  # the balls that roll are wider than the wheels, which are part of the hull
+        for wheel in feet:  # balls meet the ground only: they are wider than the wheels, which the hull includes
             pybullet.setCollisionFilterGroupMask(self.body, wheel, ROLLING, GROUND, physicsClientId=self._client)
         self._set_dynamics(parameters.wheel_friction)
         if self._driven:
             self.turn_wheels(0.0, 0.0, 0.0, 0.0)
 
     def _create(self, frame: Frame) -> int:
-        """Make the body: its hull, and a ball for each wheel and each caster."""
+        """Create a multibody: the hull, and a link with a ball for each wheel and each caster; return its number."""
         robot, places = self._robot, self._robot.wheel_places()
         links = [(x, y, robot.axle_height, robot.wheels.radius, robot.wheels.mass) for x, y in places]
         links += [(c.x, c.y, c.radius - robot.base_height, c.radius, c.mass) for c in robot.casters]
@@ -98,7 +99,10 @@ class Base:
         return body
 
     def _hull(self) -> int:
-        """Return PyBullet's number of the shape that obstacles meet: the body's parts and the wheels."""
+        """Return PyBullet's number of the collision shape: the body's parts and the wheels.
+
+        Parts that are meshes, as polygons and all bodies from URDFs are, make one convex hull, without the wheels.
+        """
         robot = self._robot
         if not all(isinstance(part.shape, (Box, Cylinder)) for part in robot.body):
             corners = [part.frame.transform_points(part.shape.triangles().reshape(-1, 3)) for part in robot.body]
@@ -142,10 +146,10 @@ class Base:
                 jointDamping=0.0,
                 **change,
             )
-        # With friction what glides would push the robot off its course.
+        # Casters have no friction, which would turn the robot off its course.
         for foot in range(len(self._driven), pybullet.getNumJoints(self.body, **change)):
             pybullet.changeDynamics(self.body, foot, lateralFriction=0.0, **change)
-            if self._driven and len(self._robot.casters) > 1:  # on more than three rigid feet wheels bear nothing
+            if self._driven and len(self._robot.casters) > 1:  # with four rigid feet or more, a wheel may carry nothing
                 weight = sum(part.mass for part in self._robot.body)
                 stiffness = GRAVITY * weight / CASTER_GIVES
                 pybullet.changeDynamics(
@@ -154,11 +158,11 @@ class Base:
                 )
 
     def push(self, velocity: Twist2D, grip: float, turn_grip: float) -> None:
-        """Bring the velocity of base_link on the ground nearer to `velocity`, in one step as far as the tyres hold.
+        """Change the planar velocity of base_link towards `velocity`, by at most what the tyres' grip allows in a step.
 
         Args:
-            velocity: In the body's own axes.
-            grip, turn_grip: Most that it may change (m/s, rad/s).
+            velocity: Wanted velocity in the body's own axes.
+            grip, turn_grip: Largest change of linear and angular velocity (m/s, rad/s).
         """
         quaternion = pybullet.getBasePositionAndOrientation(self.body, physicsClientId=self._client)[1]
         (vx, vy, vz), (wx, wy, wz) = pybullet.getBaseVelocity(self.body, physicsClientId=self._client)
@@ -173,9 +177,9 @@ class Base:
         )
 
     def turn_wheels(self, left: float, right: float, left_speed: float, right_speed: float) -> None:
-        """Let the motors follow angles (rad) and speeds (rad/s), as far as their torque goes.
+        """Set the motors' target angles (rad) and speeds (rad/s), which they follow as far as their torque allows.
 
-        Held to speeds alone, the wheels would creep: the solver leaves a small error in each step, always the same way.
+        Controlled by speed alone the wheels would drift: the solver leaves a small error of one sign in each step.
         """
         pybullet.setJointMotorControlArray(
             self.body, WHEELS, pybullet.POSITION_CONTROL, targetPositions=(left, right),
@@ -184,15 +188,14 @@ class Base:
         )
 
     def park(self) -> None:
-        """Let the body sleep until `wake`: at rest the solver's remainders would push it about, a millimetre a minute.
-        """
+        """Put the body to sleep until `wake`: at rest the solver's errors would move it by a millimetre a minute."""
         pybullet.changeDynamics(
             self.body, -1, activationState=pybullet.ACTIVATION_STATE_ENABLE_SLEEPING | pybullet.ACTIVATION_STATE_SLEEP,
             physicsClientId=self._client
         )
 
     def wake(self) -> None:
-        """Let the body move again."""
+        """Activate the body again after `park`."""
         pybullet.changeDynamics(
             self.body,
             -1,
@@ -201,23 +204,23 @@ class Base:
         )
 
     def wheel_angles(self) -> Tuple[float, float]:
-        """Return how far (rad) the wheels have turned, left and right."""
+        """Return the joint angles (rad) of the left and the right wheel, which are not wrapped."""
         left, right = pybullet.getJointStates(self.body, WHEELS, physicsClientId=self._client)
         return left[0], right[0]
 
     def frame(self) -> Frame:
-        """Return where base_link is in the world."""
+        """Return the pose of base_link in the world."""
         frame = self._physics.frame_of(self.body)
         return Frame(frame.position - frame.rotation @ self._center_of_mass, frame.rotation)
 
     def pose(self) -> Pose2D:
-        """Return where base_footprint is in the world."""
+        """Return the pose of base_footprint in the world."""
         return self.frame().flat()
 
     def motion(self) -> Motion:
-        """Return how base_link is turned and how it moves, in its own axes.
+        """Return orientation and velocities of base_link.
 
-        Written out in plain numbers: it is asked for at the rates of the fastest sensors, and numpy is slow on threes.
+        Written out without NumPy, which is slow on vectors of three; called at the rate of the fastest sensor.
         """
         quaternion = pybullet.getBasePositionAndOrientation(self.body, physicsClientId=self._client)[1]
         (vx, vy, vz), (wx, wy, wz) = pybullet.getBaseVelocity(self.body, physicsClientId=self._client)
@@ -233,7 +236,7 @@ class Base:
             r[2] * vx + r[5] * vy + r[8] * vz,
         )
         (ux, uy, uz), (x, y, z) = turning, self._center
-        # The speed of the centre of mass less what the turning adds to it.
+        # Velocity of base_link: that of the centre of mass, less turn rate x offset.
         moving = (moving[0] - (uy * z - uz * y), moving[1] - (uz * x - ux * z), moving[2] - (ux * y - uy * x))
         return Motion(quaternion, moving, turning, (r[6], r[7], r[8]))
 
@@ -243,7 +246,7 @@ class Base:
         return Twist2D(motion.velocity[0], motion.velocity[1], motion.turn_rate[2])
 
     def place(self, pose: Pose2D) -> None:
-        """Set the robot down elsewhere, at rest."""
+        """Move the robot to a pose of base_footprint, at rest."""
         frame = Frame.from_pose(pose, self._robot.base_height)
         self._physics.place(self.body, Frame(frame.transform_points(self._center_of_mass), frame.rotation))
         for wheel in self._driven:

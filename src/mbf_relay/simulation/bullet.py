@@ -1,4 +1,4 @@
-"""The PyBullet module, loaded without the line it prints each time."""
+"""The PyBullet module, imported without the line that it prints."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ import numpy as np
 
 
 def _load_quietly() -> Any:
-    """Import pybullet while the process's standard error leads nowhere; the line is written below Python.
+    """Import pybullet with file descriptor 2 redirected to /dev/null, as its line is printed by C code.
 
     Raises:
-        ImportError: It is not here, or was compiled for a newer NumPy; the text says so, which NumPy itself does only
-            on the standard error.
+        ImportError: It is not installed, or was compiled for a newer NumPy; the text says so, while NumPy prints that
+            to stderr alone.
     """
     sys.stderr.flush()
     c_library = ctypes.CDLL(None)

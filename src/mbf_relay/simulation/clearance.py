@@ -1,4 +1,4 @@
-"""Whether there is room for the robot somewhere, told from triangles alone."""
+"""Tests whether the robot fits at a pose, by triangles alone and without the physics engine."""
 
 from __future__ import annotations
 
@@ -11,20 +11,22 @@ from mbf_relay.simulation.robot import RobotModel
 from mbf_relay.simulation.shapes import bounds, cut
 
 HAIR = 1e-6
-"""Metres by which rounding may move a point, and more."""
+"""Tolerance (m) for rounding errors of coordinates."""
 
 
 def obstruction(
     triangles: np.ndarray, owners: np.ndarray, pose: Pose2D, robot: RobotModel, halls: Sequence[int] = (),
 ) -> Optional[int]:
-    """Return whose surface the robot would cut, or whose inside it would stand in, None where there is room.
+    """Return the owner of a surface that the robot would intersect, or stand inside of; None where there is room.
+
+    The surfaces are cut at several heights of the robot and compared with its outline.
 
     Args:
         triangles: Closed surfaces, shape (N, 3, 3) in metres.
-        owners: Shape (N,): whose each triangle is.
-        pose: Of base_footprint.
-        robot: Who needs room.
-        halls: Owners whose surfaces may be seen from within, as a building's is.
+        owners: Index of the body that each triangle belongs to, shape (N,).
+        pose: Pose of base_footprint in the world.
+        robot: The robot, with its outline and heights.
+        halls: Owners that the robot may be inside of, as buildings.
     """
     inverse = pose.inverse()
     near = _abreast(triangles, inverse, robot.outline)
@@ -50,12 +52,14 @@ def surface_obstructs(triangles: np.ndarray, pose: Pose2D, robot: RobotModel) ->
 
 
 def _abreast(triangles: np.ndarray, inverse: Pose2D, outline: np.ndarray) -> np.ndarray:
-    """Return which triangles lie as far aside as the outline or the x axis: no others meet it, or the ray along x.
+    """Return which triangles overlap the outline or the x axis in the robot's y coordinate, shape (N,) bool.
+
+    No others can meet the outline, or the ray along +x by which `obstruction` finds out what the robot is inside of.
 
     Args:
         triangles: Shape (N, 3, 3) in metres.
-        inverse: Of the robot's pose.
-        outline: Of the robot, shape (K, 2) in metres.
+        inverse: Inverse of the robot's pose.
+        outline: The robot's outline, shape (K, 2) in metres.
     """
     aside = inverse.transform_points(triangles[:, :, :2].reshape(-1, 2))[:, 1].reshape(-1, 3)
     lowest, highest = bounds(aside)
@@ -65,10 +69,9 @@ def _abreast(triangles: np.ndarray, inverse: Pose2D, outline: np.ndarray) -> np.
 
 
 def _crosses_outline(segments: np.ndarray, outline: np.ndarray) -> np.ndarray:
-    """Tell which segments (M, 2, 2) have a point in a convex polygon (K, 2), counter-clockwise; shape (M,) bool.
+    """Return which segments (M, 2, 2) intersect a convex polygon (K, 2), counter-clockwise, or lie in it: (M,) bool.
 
-    A segment enters and leaves the half planes left of the edges; M. Cyrus, J. Beck, "Generalized two- and
-    three-dimensional clipping", 1978.
+    Cyrus-Beck clipping: M. Cyrus, J. Beck, "Generalized two- and three-dimensional clipping", 1978.
     """
     edges = np.roll(outline, -1, axis=0) - outline
     outward = np.column_stack((edges[:, 1], -edges[:, 0]))
@@ -83,7 +86,7 @@ def _crosses_outline(segments: np.ndarray, outline: np.ndarray) -> np.ndarray:
 
 
 def crosses_positive_x_axis(segments: np.ndarray) -> np.ndarray:
-    """Tell which segments (M, 2, 2) a ray from the origin along +x crosses, shape (M,) bool."""
+    """Return which segments (M, 2, 2) cross the ray from the origin along +x, shape (M,) bool."""
     (x1, y1), (x2, y2) = segments[:, 0].T, segments[:, 1].T
     spans = (y1 > 0.0) != (y2 > 0.0)
     with np.errstate(divide="ignore", invalid="ignore"):

@@ -1,4 +1,4 @@
-"""What the robot touches, by name."""
+"""Contacts of the robot with other bodies, by their names."""
 
 from __future__ import annotations
 
@@ -10,18 +10,18 @@ from mbf_relay.simulation.physics import ANY, Physics
 from mbf_relay.simulation.shapes import bounds
 
 REACH = 0.005
-"""Distance (m) from a surface at which a contact point is taken to lie on it."""
+"""Distance (m) from a triangle's bounding box up to which a contact point may belong to it."""
 GRAIN, MOST_KNOWN = 0.002, 10000
-"""Distance (m) within which points are taken for one, and how many of them are remembered."""
+"""Grid (m) to which points are rounded as keys of the cache of owners, and the size of that cache."""
 
 
 class Contact(NamedTuple):
-    """The robot touches something.
+    """A contact point between the robot and another body.
 
     Attributes:
-        name: Of the other body.
-        position: Where (m), in the world.
-        normal: Of the surface, from it to the robot, of length 1.
+        name: Name of the other body.
+        position: Position (m) in the world.
+        normal: Unit normal of the other body's surface, towards the robot.
     """
 
     name: str
@@ -30,30 +30,30 @@ class Contact(NamedTuple):
 
 
 class Contacts:
-    """Finds what the robot touches, anything but the ground."""
+    """Finds the robot's contacts with anything but the ground."""
 
     def __init__(self, fixed: List[int], triangles: np.ndarray, owners: np.ndarray, names: List[str]) -> None:
-        """Take the fixed surface, to find out whose part of it was touched.
+        """Take the fixed surface, which is joined in the physics, to tell which body was touched.
 
         Args:
-            fixed: Numbers of the bodies it takes in the physics.
-            triangles: Shape (N, 3, 3) in metres.
-            owners: Shape (N,): index in `names` of each triangle's body.
-            names: Of the bodies.
+            fixed: PyBullet's numbers of the meshes that make up the surface.
+            triangles: The surface, shape (N, 3, 3) in metres.
+            owners: Index in `names` of each triangle's body, shape (N,).
+            names: Names of the bodies.
         """
         self._fixed, self._triangles, self._owners, self._names = fixed, triangles, owners, names
         self._bounds: Optional[Tuple[np.ndarray, np.ndarray]] = None  # most drives touch nothing
         self._known: Dict[Tuple[int, ...], str] = {}
 
     def find(self, physics: Physics, robot: int, loose: Mapping[int, str]) -> Tuple[Contact, ...]:
-        """Return the contacts of this moment.
+        """Return the contacts after the last physics step.
 
         Args:
-            physics: After a step.
-            robot: The robot's number in it.
+            physics: The physics client.
+            robot: PyBullet's number of the robot.
             loose: Names of the bodies that are not part of the fixed surface, by number.
         """
-        # Asked for all, PyBullet tells of the ground first of all, in each step; mostly nothing else is near.
+        # To ask for the fixed surface alone is faster where that is possible: ANY always returns the ground's points.
         other = self._fixed[0] if len(self._fixed) == 1 and not loose else ANY
         points = physics.contacts(robot, other)
         if not points:
@@ -65,7 +65,7 @@ class Contacts:
 
     def owner_at(self, position: Tuple[float, float, float]) -> str:
         """Return the name of the fixed body whose surface is nearest to a point (m) on or very near to it."""
-        # A touch lasts for many steps in one place, and a search through a building takes as long as ten steps.
+        # Cached: a contact often stays in one place, and a search through a building takes as long as ten steps.
         place = tuple(round(coordinate / GRAIN) for coordinate in position)
         if place not in self._known:
             if len(self._known) >= MOST_KNOWN:

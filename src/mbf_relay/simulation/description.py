@@ -1,4 +1,4 @@
-"""A robot's description for RViz and robot_state_publisher: a URDF made of the robot's file, so that the two agree."""
+"""robot_description: a URDF derived from the robot's file, and a check of another URDF against the simulated robot."""
 
 from __future__ import annotations
 
@@ -15,21 +15,21 @@ from mbf_relay.simulation.shapes import Box, Cylinder, Shape, Sphere
 from mbf_relay.simulation.urdf import link_frames
 
 AGREES = 0.02
-"""Metres, and sine of an angle, by which a description may have the lidar elsewhere: what a file's digits leave out."""
+"""Tolerance for the lidar's pose in a description: metres, and difference of the rotation matrices' entries."""
 
 COLOURS: Dict[str, str] = {"dark": "0.25 0.25 0.27 1.0", "black": "0.08 0.08 0.08 1.0"}
 
 
 def lidar_elsewhere(description: str, base_frame: str, scan_frame: str, robot: RobotModel) -> str:
-    """Return that a description has the lidar elsewhere than the robot that is simulated; empty where it has not.
+    """Return a warning if a description has the lidar at another pose than the simulated robot; else empty.
 
-    Whoever takes the scans goes by the description, and sees everything beside its place.
+    Nodes transform scans by the description, so that all obstacles would be displaced.
 
     Args:
-        description: A URDF. Of one that is malformed, or has no such frames, nothing is said here.
-        base_frame: The robot's on the ground, as the simulator names it, with the prefix of tf where it has one.
-        scan_frame: The lidar's.
-        robot: What is simulated.
+        description: A URDF; for one that is malformed or lacks these frames, nothing is returned.
+        base_frame: The robot's base frame on the ground, with its tf prefix.
+        scan_frame: The lidar's frame, likewise.
+        robot: The simulated robot.
     """
     try:
         frames = link_frames(parse_xml(description, "robot_description"))
@@ -40,7 +40,7 @@ def lidar_elsewhere(description: str, base_frame: str, scan_frame: str, robot: R
     told = base.inverse().compose(scan)
     turned = np.abs(told.rotation - measured.rotation).max()
     off = np.abs(told.position - measured.position)
-    # a description that begins with base_link has the ground in it
+    # a description whose root is base_link may have its origin on the ground
     off[2] = min(off[2], abs(told.position[2] - robot.scan_in_base.position[2]))
     if max(turned, off.max()) <= AGREES:
         return ""
@@ -56,7 +56,7 @@ def _place(frame: Frame) -> str:
 
 
 def urdf_of(robot: RobotModel) -> str:
-    """Return the URDF: base_footprint, base_link, a link for each wheel, and the sensors' frames."""
+    """Return a robot's URDF: base_footprint, base_link, a link for each wheel, and the sensors' frames."""
     root = Element("robot", name=robot.name)
     for name, rgba in COLOURS.items():
         SubElement(SubElement(root, "material", name=name), "color", rgba=rgba)
@@ -71,7 +71,7 @@ def urdf_of(robot: RobotModel) -> str:
         )
     _inertial(base, robot)
     tyre = Cylinder(robot.wheels.radius, robot.wheels.width)
-    names = list(robot.joints) + [f"wheel_front_{side}_joint" for side in ("left", "right")]  # the last two a car's
+    names = list(robot.joints) + [f"wheel_front_{side}_joint" for side in ("left", "right")]  # the last two for a car
     for name, (x, y) in zip(names, robot.wheel_places()):
         link = name.replace("_joint", "_link")
         hub = Frame.of(x, y, robot.axle_height)
@@ -89,11 +89,11 @@ def _joint(root: Element, name: str, ends: Tuple[str, str], place: Frame, turns:
     """Add a joint.
 
     Args:
-        root: Of the description.
-        name: Its own.
+        root: Root element of the URDF.
+        name: The joint's name.
         ends: Parent and child link.
-        place: Of the child in the parent.
-        turns: Whether it is a driven wheel's, about an axis to the left.
+        place: Pose of the child in the parent; of a wheel, without the rotation of its axis.
+        turns: Whether it is a driven wheel's joint, which is continuous about the axis to the left.
     """
     joint = SubElement(root, "joint", name=name, type="continuous" if turns else "fixed")
     SubElement(joint, "parent", link=ends[0])
@@ -107,14 +107,14 @@ def _joint(root: Element, name: str, ends: Tuple[str, str], place: Frame, turns:
 
 
 def _solid(link: Element, shape: Shape, place: Frame, material: str) -> None:
-    """Show a solid of a link and let others meet it.
+    """Add a solid to a link, as <visual> and <collision>.
 
     Args:
-        link: Whose.
-        shape, place: What, and where in the link.
+        link: The link's element.
+        shape, place: The solid, and its pose in the link.
         material: One of COLOURS.
     """
-    if not isinstance(shape, (Box, Cylinder, Sphere)):  # a prism: shown as the box it fits in, which needs no file
+    if not isinstance(shape, (Box, Cylinder, Sphere)):  # a prism: its bounding box, as URDF meshes need a file
         lowest, highest = (f(shape.triangles().reshape(-1, 3), axis=0) for f in (np.min, np.max))
         middle, sides = (lowest + highest) / 2.0, (highest - lowest).tolist()
         shape, place = Box((sides[0], sides[1], sides[2])), Frame(place.transform_points(middle), place.rotation)

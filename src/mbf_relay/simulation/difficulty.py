@@ -1,4 +1,4 @@
-"""How hard a world is: length and crookedness of the way through, its narrowest passage, and the room beside it."""
+"""Measures of a world's difficulty: length of the shortest path, its detour, its narrowest passage, its clearance."""
 
 from __future__ import annotations
 
@@ -12,24 +12,25 @@ from scipy import ndimage
 from mbf_relay.distances import distances_to_zeros
 
 CELL = 0.15
-"""Side (m) of a cell of generated walls, as in BARN's worlds: a burger is a cell and a half wide."""
+"""Side (m) of a cell of generated walls, as in BARN's worlds."""
 FINER = 3
-"""Cells of the measured grid in one of the walls' each way."""
+"""Factor by which the grid for the shortest path is finer."""
 FINEST = 1e-4
-"""Metres to which the room beside the widest way is measured."""
+"""Precision (m) of the clearance of the widest path."""
 STEPS = [(a, b, math.hypot(a, b)) for a in (-1, 0, 1) for b in (-1, 0, 1) if a or b]
+"""Neighbours of a cell (rows, columns), and their distance in cells."""
 ROBOT_RADIUS = 0.15
-"""Metres from the robot's turning point to its farthest corner: it turns in place wherever the way leads."""
+"""Circumscribed radius (m) of the robot, with which the shortest path is planned: it can turn in place everywhere."""
 
 
 class Difficulty(NamedTuple):
-    """Measures of a way.
+    """Measures of a world, from start to goal.
 
     Attributes:
-        path_length: Of the shortest way at the robot's width (m).
-        path_length_ratio: The same by the straight line's length.
-        narrowest_passage: Width (m) of the narrowest place on the widest way.
-        mean_clearance: Distance (m) to the nearest wall, mean along the shortest way.
+        path_length: Length (m) of the shortest path at the robot's width.
+        path_length_ratio: That length divided by the distance from start to goal.
+        narrowest_passage: Width (m) of the narrowest place of the widest path, the one that maximizes it.
+        mean_clearance: Mean distance (m) to the nearest wall along the shortest path.
     """
 
     path_length: float
@@ -41,15 +42,15 @@ class Difficulty(NamedTuple):
 def difficulty_of(
     walls: np.ndarray, start: Tuple[float, ...], goal: Tuple[float, ...]
 ) -> Optional[Difficulty]:
-    """Return the measures of the shortest way that a robot turning in place fits through; None where there is none.
+    """Return the measures of a world; None where there is no path with ROBOT_RADIUS.
 
     Args:
-        walls: Shape (rows, columns), bool, cells of CELL metres; beyond the grid is free and not entered.
+        walls: Shape (rows, columns), bool, cells of CELL metres; paths do not leave the grid.
         start, goal: x, y in metres from the grid's lower left corner.
     """
     fine = np.kron(walls, np.ones((FINER, FINER), bool))
     side = CELL / FINER
-    # From the centre of a cell to that of the nearest wall's; the wall begins half a cell before.
+    # distance between cell centres, less half a cell for the wall's own extent
     room = side * (_distances_to_walls(~fine) - 0.5)
     passable = room >= ROBOT_RADIUS
     ends = [tuple(int(value / side) for value in place[1::-1]) for place in (start, goal)]
@@ -66,15 +67,15 @@ def difficulty_of(
 
 
 def _distances_to_walls(free: np.ndarray) -> np.ndarray:
-    """Return the distance (cells) from each cell to the nearest that is not free, at most the grid's diagonal."""
+    """Return each cell's distance (cells) to the nearest wall, limited to the grid's diagonal where there is none."""
     return np.minimum(distances_to_zeros(free), np.float32(math.hypot(*free.shape)))
 
 
 def _widest(walls: np.ndarray, start: Tuple[float, ...], goal: Tuple[float, ...]) -> float:
-    """Return the largest room (m) that some way between two places keeps to all along.
+    """Return the clearance (m) of the widest path from start to goal: the largest clearance kept all along a path.
 
-    Looked at are corners, middles of sides and middles of cells: the middle of a passage is there, however many cells
-    wide it is, and what is nearest in the walls, too.
+    By bisection on a grid of half cells, whose nodes are the cells' corners, side centres and centres: the middle of a
+    passage is such a node whatever its width, and so is the nearest point of a wall.
 
     Args:
         walls, start, goal: See `difficulty_of`.
@@ -97,7 +98,7 @@ def _widest(walls: np.ndarray, start: Tuple[float, ...], goal: Tuple[float, ...]
 def _shortest(
     passable: np.ndarray, start: Tuple[int, int], goal: Tuple[int, int]
 ) -> Optional[Tuple[np.ndarray, float]]:
-    """Return cells (N, 2) and length (cells) of the shortest way between two cells, by A*; None where there is none."""
+    """Return the shortest path between two cells by A*: cells (N, 2) and length (cells); None where there is none."""
     rows, columns = passable.shape
     if not (passable[start] and passable[goal]):
         return None

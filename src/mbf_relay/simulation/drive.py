@@ -1,4 +1,4 @@
-"""From a velocity command to wheel speeds, and from wheel rotation back to odometry, for two wheels on one axle."""
+"""Kinematics of a differential drive: wheel speeds from a velocity command, and odometry from wheel rotation."""
 
 from __future__ import annotations
 
@@ -13,19 +13,19 @@ from mbf_relay.simulation.parameters import SimulationParameters
 from mbf_relay.simulation.robot import OMNIDIRECTIONAL, Wheels
 
 LEAST_COVARIANCE = (1e-6, 0.0, 1e-6, 0.0, 0.0, 1e-6)
-"""Of x and x, x and y, y and y, x and heading, y and heading, heading and heading (m, rad), before the first metre."""
+"""Initial covariance of the pose: xx, xy, yy, x-theta, y-theta, theta-theta (m, rad)."""
 
 
 @dataclass(frozen=True, eq=False)
 class Odometry:
-    """What the robot makes of its wheels' rotation.
+    """A reading of wheel odometry.
 
     Attributes:
         stamp: Time (s).
-        pose: Of base_footprint in odom, which is where the robot was set down first.
-        velocity: In the body's own axes.
-        pose_covariance: Of x, y and heading (m, rad), shape (3, 3); it grows with the way.
-        velocity_variance: Of the speed along x and y (m^2/s^2) and the turn rate (rad^2/s^2).
+        pose: Pose of base_footprint in odom, whose origin is the robot's start.
+        velocity: Velocity in the body's own axes.
+        pose_covariance: Covariance of x, y and heading (m, rad), shape (3, 3); it grows with the distance driven.
+        velocity_variance: Variances of the velocity along x and y (m^2/s^2) and about z (rad^2/s^2).
     """
 
     stamp: float
@@ -36,7 +36,10 @@ class Odometry:
 
 
 def limit_command(command: Twist2D, parameters: SimulationParameters, drive: str) -> Twist2D:
-    """Return the command cut to the robot's top speeds; only an omnidirectional drive can go sideways."""
+    """Return the command clamped to the robot's top speeds; without y for any but an omnidirectional drive.
+
+    An omnidirectional drive's linear velocity keeps its direction.
+    """
     turn = min(parameters.max_turn_rate, max(-parameters.max_turn_rate, command.theta))
     if drive == OMNIDIRECTIONAL:
         share = min(1.0, parameters.max_speed / max(math.hypot(command.x, command.y), 1e-12))
@@ -45,7 +48,7 @@ def limit_command(command: Twist2D, parameters: SimulationParameters, drive: str
 
 
 def wheel_speeds(velocity: Twist2D, wheels: Wheels) -> Tuple[float, float]:
-    """Return the left and right wheel's speed (rad/s) that goes with the robot's `velocity`."""
+    """Return the left and the right wheel's speed (rad/s) for the robot's `velocity` (body frame)."""
     half_track = wheels.separation / 2.0
     return (
         (velocity.x - velocity.theta * half_track) / wheels.radius,
@@ -59,33 +62,33 @@ def approach(current: float, target: float, change: float) -> float:
 
 
 class Odometer:
-    """Adds up wheel rotation, with the errors asked for.
+    """Integrates wheel rotation to a pose, with simulated errors.
 
-    Each reading moves the pose along the arc between the two wheel angles, taken at the arc's middle heading. The
-    covariance follows to first order, from the wheels' independent errors.
+    Each reading moves the pose along the chord at the mean heading. The covariance is propagated to first order from
+    independent errors of the wheels.
     """
 
     def __init__(self, wheels: Wheels, noise: float, bias: Tuple[float, float], rng: np.random.Generator) -> None:
         """Start at the origin.
 
         Args:
-            wheels: The two on the axle.
-            noise: Deviation (m) of a wheel's way after one metre.
-            bias: Error of the left and right wheel's way as a share of it.
-            rng: For the noise.
+            wheels: The robot's wheels.
+            noise: Standard deviation (m) of a wheel's distance after one metre.
+            bias: Relative error of the left and the right wheel's distance.
+            rng: Generator of the noise.
         """
         self._radius, self._separation = wheels.radius, wheels.separation
         self._noise, self._bias, self._rng = noise, bias, rng
         self.restart()
 
     def restart(self) -> None:
-        """Begin again at the origin."""
+        """Reset pose and covariance to the origin."""
         self.pose = IDENTITY
         self.velocity = STOP
         self._covariance = LEAST_COVARIANCE
 
     def advance(self, turned: Sequence[float], duration: float) -> None:
-        """Add what the left and the right wheel turned (rad) during `duration` (s)."""
+        """Add rotations (rad) of the left and the right wheel during `duration` (s)."""
         left = self._measured(turned[0] * self._radius, self._bias[0])
         right = self._measured(turned[1] * self._radius, self._bias[1])
         way, turn = (left + right) / 2.0, (right - left) / self._separation
@@ -105,15 +108,15 @@ class Odometer:
         return Odometry(stamp, self.pose, self.velocity, covariance, (1e-4, 1e-9, 1e-3))
 
     def _spread(self, way: float, cos: float, sin: float, left: float, right: float) -> None:
-        """Carry the covariance over one reading.
+        """Propagate the covariance over one reading: P becomes F P F' + G Q G'.
 
-        Written out, for it is symmetric and numpy is slow on threes. P becomes F P F' + G Q G', with F the motion's
-        derivative by the pose and G that by way and turn.
+        F is the Jacobian of the motion by the pose, G that by distance and turn. Written out for the symmetric matrix,
+        as NumPy is slow on 3 x 3.
 
         Args:
-            way: Of the middle between the wheels (m).
-            cos, sin: Of the heading along it.
-            left, right: Variances of the wheels' ways (m^2).
+            way: Distance of the middle between the wheels (m).
+            cos, sin: Of the mean heading.
+            left, right: Variances of the wheels' distances (m^2).
         """
         xx, xy, yy, xt, yt, tt = self._covariance
         a, b = -way * sin, way * cos

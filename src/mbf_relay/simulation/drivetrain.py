@@ -1,4 +1,4 @@
-"""From velocity commands to a robot that moves: limits, delay, timeout, slip, and rest."""
+"""Drivetrains: they move the robot's body by velocity commands, with limits, delay, timeout and slip."""
 
 from __future__ import annotations
 
@@ -17,25 +17,25 @@ from mbf_relay.simulation.parameters import SimulationParameters
 from mbf_relay.simulation.robot import CAR, DIFFERENTIAL, OMNIDIRECTIONAL, RobotModel
 
 PARK_AFTER = 0.5
-"""Time (s) after which a standing robot's body sleeps."""
+"""Time (s) at rest after which the robot's body is put to sleep in the physics."""
 MOST_LAG = 0.1
-"""Angle (rad) by which a wheel may lag behind before its motor lets go of the difference, as against a wall."""
+"""Largest angle (rad) by which a blocked wheel lags behind its target, lest it spin up when it comes free."""
 
 
 State = Tuple[float, ...]
-"""What a drivetrain's motors hold: wheels' speeds, a velocity, or a speed and a steering angle."""
+"""The motors' setpoints: wheel speeds (rad/s), a velocity, or a speed (m/s) and a steering angle (rad)."""
 
 
 class Drivetrain(abc.ABC):
-    """Drives a base, one physics step at a time."""
+    """Moves a robot's body, one physics step at a time."""
 
     def __init__(self, base: Base, parameters: SimulationParameters, robot: RobotModel) -> None:
-        """Connect.
+        """Begin at rest.
 
         Args:
-            base: The robot's body.
-            parameters: Of motors and tyres.
-            robot: What it is made of.
+            base: The robot's body in the physics.
+            parameters: Parameters of motors and tyres.
+            robot: The robot's geometry.
         """
         self._base, self._parameters, self._robot = base, parameters, robot
         self._period = 1.0 / parameters.physics_rate
@@ -54,18 +54,18 @@ class Drivetrain(abc.ABC):
         self._waiting.append((due, limit_command(velocity, self._parameters, self._robot.drive)))
 
     def halt(self) -> None:
-        """Forget all commands and stand, as after being set down."""
+        """Discard all commands and stop at once, after the robot was moved to another pose."""
         self._waiting.clear()
         self._target = self._state = self._aim(Twist2D(0.0, 0.0, 0.0))
         self._settle()
         self._wake()
 
     def advance(self, slip: float, restless: bool) -> None:
-        """Do what is due before the next physics step.
+        """Apply commands and timeout, and set the motors for the next physics step.
 
         Args:
-            slip: Share of their rotation by which the wheels spin.
-            restless: Something may push the robot, so that its body must not sleep.
+            slip: Share of the wheels' rotation that does not move the robot.
+            restless: Whether something may push the robot, so that its body must not be put to sleep.
         """
         self._step += 1
         while self._waiting and self._waiting[0][0] < self._step:
@@ -86,23 +86,23 @@ class Drivetrain(abc.ABC):
 
     @abc.abstractmethod
     def wheel_angles(self) -> Tuple[float, ...]:
-        """Return how far (rad) the driven wheels have turned, in the order of the robot's joints, spinning included."""
+        """Return the angles (rad) of the driven wheels, slip included, in the order of the robot's joints."""
 
     @abc.abstractmethod
     def _aim(self, velocity: Twist2D) -> State:
-        """Return what the motors hold once the robot drives at `velocity`."""
+        """Return the setpoints for a velocity of the robot."""
 
     @abc.abstractmethod
     def _most_change(self) -> State:
-        """Return by how much each part of what they hold may change in one step."""
+        """Return the largest change of each setpoint in one step."""
 
     @abc.abstractmethod
     def _follow(self, slip: float) -> None:
-        """Do for one step what the motors hold."""
+        """Apply the current setpoints to the body for one step."""
 
     @abc.abstractmethod
     def _settle(self) -> None:
-        """Take the robot as it stands, set down elsewhere."""
+        """Take over the body's pose and wheel angles after it was moved to another pose."""
 
     def _stands(self, state: State) -> bool:
         return not any(state)
@@ -114,7 +114,7 @@ class Drivetrain(abc.ABC):
 
 
 class TwoWheels(Drivetrain):
-    """A differential drive: two motors that turn wheels with tyres on the ground."""
+    """A differential drive: two motors turn wheels that have friction on the ground."""
 
     def __init__(self, base: Base, parameters: SimulationParameters, robot: RobotModel) -> None:
         super().__init__(base, parameters, robot)
@@ -150,9 +150,9 @@ class TwoWheels(Drivetrain):
 
 
 class FourWheels(Drivetrain):
-    """What four wheels have in common: the body follows a velocity as far as the tyres hold.
+    """Base class for four wheels: the body's velocity is controlled, within the tyres' grip.
 
-    The wheels turn with the body's way, and as much more as they spin.
+    The wheels' angles are computed from the body's motion and slip.
     """
 
     def __init__(self, base: Base, parameters: SimulationParameters, robot: RobotModel) -> None:
@@ -178,7 +178,7 @@ class FourWheels(Drivetrain):
         self._pose = self._base.pose()
 
     def _roll(self) -> None:
-        """Turn the wheels by the way the body went since the last look."""
+        """Advance the wheels' angles by the body's motion since the last call."""
         pose = self._base.pose()
         if pose == self._pose:
             return
@@ -191,15 +191,16 @@ class FourWheels(Drivetrain):
 
     @abc.abstractmethod
     def _held(self) -> Twist2D:
-        """Return the velocity that goes with what the motors hold."""
+        """Return the velocity for the current setpoints."""
 
     @abc.abstractmethod
     def _rotation(self, motion: Twist2D) -> np.ndarray:
-        """Return how far (rad) the wheels turn on the way `motion`, or how fast (rad/s) at that velocity."""
+        """Return the wheels' rotations (rad) for a displacement in the body's axes, or speeds (rad/s) for a velocity.
+        """
 
 
 class MecanumWheels(FourWheels):
-    """An omnidirectional drive."""
+    """An omnidirectional drive with four mecanum wheels."""
 
     def __init__(self, base: Base, parameters: SimulationParameters, robot: RobotModel) -> None:
         self._matrix = mecanum_matrix(robot.wheels)
@@ -221,15 +222,15 @@ class MecanumWheels(FourWheels):
 
 
 class SteeredWheels(FourWheels):
-    """A car: driven behind, steered in front, round nothing smaller than its turning circle."""
+    """A car (Ackermann): the rear wheels are driven, the front ones steered, within the smallest turning radius."""
 
     _steering = 0.0
-    """Angle (rad) asked for last."""
+    """Steering angle (rad) of the last command, kept at standstill."""
 
     def _aim(self, velocity: Twist2D) -> State:
         wheels = self._robot.wheels
         if velocity.x == 0.0:
-            return 0.0, self._steering  # it stays where it is
+            return 0.0, self._steering
         most = math.atan(wheels.base / wheels.turning_radius)
         steering = math.atan(wheels.base * velocity.theta / velocity.x)
         self._steering = min(most, max(-most, steering))

@@ -1,4 +1,4 @@
-"""What can be made to go wrong while the simulation runs."""
+"""Faults that can be injected while the simulation runs."""
 
 from __future__ import annotations
 

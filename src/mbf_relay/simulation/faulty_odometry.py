@@ -1,4 +1,4 @@
-"""Odometry on its way from the wheels to whoever uses it, with the faults asked for."""
+"""Simulated faults of odometry: delay, frozen readings, a jump, silence."""
 
 from __future__ import annotations
 
@@ -11,19 +11,19 @@ from mbf_relay.simulation.faults import NO_FAULTS, Faults
 
 
 class FaultyOdometry:
-    """Lets readings come late, repeat, jump, or not at all."""
+    """Applies the faults to a stream of readings."""
 
     def __init__(self) -> None:
         self._last: Optional[Odometry] = None
         self._under_way: Deque[Odometry] = deque()
 
     def newest(self, reading: Odometry, now: float, faults: Faults) -> Optional[Odometry]:
-        """Take a reading and return the newest that has arrived since the last call, None where none has.
+        """Add a reading; return the newest one that has come through since the last call, None where none has.
 
         Args:
-            reading: What the wheels say.
+            reading: The reading without faults.
             now: Time (s).
-            faults: What is made to go wrong.
+            faults: The faults in force.
         """
         if faults == NO_FAULTS and not self._under_way:
             self._last = reading

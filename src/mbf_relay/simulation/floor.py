@@ -1,4 +1,4 @@
-"""The floor a robot is set down on: slabs and meshes that lie on the ground of a Gazebo world."""
+"""The floor of a Gazebo world: a slab or mesh on the ground plane, on which the robot starts."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ from mbf_relay.simulation.shapes import Body, level
 from mbf_relay.simulation.world import World
 
 HIGHEST = 0.3
-"""Of a floor above the ground (m): what is higher is furniture."""
+"""Largest height (m) of a floor above the ground plane; higher surfaces count as furniture."""
 LEAST_AREA = 4.0
-"""Of a floor (m2): what is smaller is a crate or a pallet."""
+"""Least area (m^2) of a floor; smaller surfaces count as crates or pallets."""
 EVEN = 0.005
-"""Difference in height (m) within which two surfaces are one floor."""
+"""Difference in height (m) up to which two surfaces are one floor."""
 
 
 def leveled(world: World) -> World:
-    """Return a world lowered so that the floor under the robot's start is at height 0, where the robot's ground is."""
+    """Return a world lowered so that the floor under the robot's start is at height 0, where the ground plane is."""
     height = floor_height(world)
     if height == 0.0:
         return world
@@ -29,7 +29,7 @@ def leveled(world: World) -> World:
 
 
 def floor_height(world: World) -> float:
-    """Return how high (m) above the ground the floor under the robot's start is; 0 where there is none."""
+    """Return the height (m) of the floor under the robot's start above the ground plane; 0 where there is none."""
     triangles = world.fixed_triangles()[0]
     heights = triangles[:, 0, 2]
     low = (heights > 0.0) & (heights <= HIGHEST)
@@ -45,7 +45,7 @@ def floor_height(world: World) -> float:
 
 
 def _above(triangles: np.ndarray, x: float, y: float) -> np.ndarray:
-    """Return which triangles, shape (N, 3, 3), are over or under a place."""
+    """Return which triangles, shape (N, 3, 3), contain a point x, y seen from above, shape (N,) bool."""
     ends = np.roll(triangles, -1, axis=1)
     sides = (ends[:, :, 0] - triangles[:, :, 0]) * (y - triangles[:, :, 1])
     sides -= (ends[:, :, 1] - triangles[:, :, 1]) * (x - triangles[:, :, 0])

@@ -1,4 +1,4 @@
-"""Odometry of four mecanum wheels, which tell of the way sideways too."""
+"""Kinematics and odometry of four mecanum wheels."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from mbf_relay.simulation.robot import Wheels
 
 
 def mecanum_matrix(wheels: Wheels) -> np.ndarray:
-    """Return what takes a velocity (x, y, theta) to the wheels' speeds (rad/s), shape (4, 3).
+    """Return the matrix that maps a velocity (x, y, theta) to the wheels' speeds (rad/s), shape (4, 3).
 
-    Wheels come as front left, front right, rear left, rear right, with rollers at 45 degrees; R. Siegwart,
+    The wheels are front left, front right, rear left, rear right, with rollers at 45 degrees; R. Siegwart,
     I. Nourbakhsh, "Introduction to Autonomous Mobile Robots", 2004, section 3.2.
     """
     arm = (wheels.separation + wheels.base) / 2.0
@@ -24,30 +24,30 @@ def mecanum_matrix(wheels: Wheels) -> np.ndarray:
 
 
 class MecanumOdometer:
-    """Adds up the rotation of four mecanum wheels, with the errors asked for, as `Odometer` does of two."""
+    """Integrates the rotation of four mecanum wheels to a pose, with simulated errors, as `Odometer` does for two."""
 
     def __init__(self, wheels: Wheels, noise: float, bias: Tuple[float, float], rng: np.random.Generator) -> None:
         """Start at the origin.
 
         Args:
-            wheels: The four.
-            noise: Deviation (m) of a wheel's way after one metre.
-            bias: Error of the left and right wheels' ways as a share of them.
-            rng: For the noise.
+            wheels: The robot's wheels.
+            noise: Standard deviation (m) of a wheel's distance after one metre.
+            bias: Relative error of the left and the right wheels' distances.
+            rng: Generator of the noise.
         """
         self._radius, self._noise, self._rng = wheels.radius, noise, rng
-        self._motion_of = np.linalg.pinv(mecanum_matrix(wheels)) / wheels.radius  # from ways (m), by least squares
+        self._motion_of = np.linalg.pinv(mecanum_matrix(wheels)) / wheels.radius  # from distances (m), least squares
         self._bias = 1.0 + np.array([bias[0], bias[1], bias[0], bias[1]])
         self.restart()
 
     def restart(self) -> None:
-        """Begin again at the origin."""
+        """Reset pose and covariance to the origin."""
         self.pose, self.velocity = IDENTITY, STOP
         xx, xy, yy, xt, yt, tt = LEAST_COVARIANCE
         self._covariance = np.array([[xx, xy, xt], [xy, yy, yt], [xt, yt, tt]])
 
     def advance(self, turned: Sequence[float], duration: float) -> None:
-        """Add what the wheels turned (rad) during `duration` (s)."""
+        """Add the four wheels' rotations (rad) during `duration` (s)."""
         ways = np.array(turned) * self._radius
         deviations = self._noise * np.sqrt(np.abs(ways))
         if self._noise > 0.0:

@@ -1,4 +1,4 @@
-"""Rigid transforms in space, for the parts of the world that do not lie flat."""
+"""Rigid transforms in three dimensions."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from mbf_relay.geometry import Pose2D
 Triple = Union[Sequence[float], np.ndarray]
 """x, y, z."""
 Quaternion = Union[Sequence[float], np.ndarray]
-"""x, y, z, w, of any length above zero."""
+"""x, y, z, w; need not be normalized."""
 
 
 class Frame(NamedTuple):
-    """A pose in space, equally a rigid transform: position (3,) in metres and rotation matrix (3, 3)."""
+    """A pose in three dimensions, or a rigid transform: position (3,) in metres and rotation matrix (3, 3)."""
 
     position: np.ndarray
     rotation: np.ndarray
@@ -34,11 +34,11 @@ class Frame(NamedTuple):
 
     @staticmethod
     def from_quaternion(position: Triple, quaternion: Quaternion) -> Frame:
-        """Make a frame from a position (m) and a quaternion (x, y, z, w) of any length above zero."""
+        """Make a frame from a position (m) and a quaternion (x, y, z, w), which need not be normalized."""
         return Frame(np.array(position, dtype=float), rotation_from_quaternion(quaternion))
 
     def compose(self, other: Frame) -> Frame:
-        """Return `other`, given in this frame, in the frame this one is given in."""
+        """Return `other`, a pose in this frame, as a pose in this frame's parent: this transform times `other`."""
         return Frame(self.position + self.rotation @ other.position, self.rotation @ other.rotation)
 
     def inverse(self) -> Frame:
@@ -46,7 +46,7 @@ class Frame(NamedTuple):
         return Frame(-self.rotation.T @ self.position, self.rotation.T)
 
     def transform_points(self, points: np.ndarray) -> np.ndarray:
-        """Take points of this frame, shape (..., 3) in metres, to the frame this one is given in."""
+        """Return points of this frame, shape (..., 3) in metres, in this frame's parent."""
         moved: np.ndarray = np.asarray(points, dtype=float) @ self.rotation.T + self.position
         return moved
 
@@ -55,7 +55,7 @@ class Frame(NamedTuple):
         return _quaternion_of(np.asarray(self.rotation, dtype=float).tobytes())
 
     def flat(self) -> Pose2D:
-        """Return the pose seen from above."""
+        """Return the planar part: x, y (m) and yaw (rad)."""
         return Pose2D(
             float(self.position[0]), float(self.position[1]),
             math.atan2(float(self.rotation[1, 0]), float(self.rotation[0, 0])),
@@ -63,7 +63,7 @@ class Frame(NamedTuple):
 
 
 def rotation_from_rpy(roll: float, pitch: float, yaw: float) -> np.ndarray:
-    """Return the matrix of turns about the fixed axes x, y, z, in this order (rad)."""
+    """Return the matrix of rotations about the fixed axes x, y, z, in this order (rad)."""
     cr, sr, cp, sp, cy, sy = (f(a) for a in (roll, pitch, yaw) for f in (math.cos, math.sin))
     return np.array([
         [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
@@ -89,7 +89,8 @@ def rotation_from_quaternion(quaternion: Quaternion) -> np.ndarray:
 def quaternion_product(
     one: Tuple[float, float, float, float], other: Tuple[float, float, float, float]
 ) -> Tuple[float, float, float, float]:
-    """Return the rotation `one` after `other`, both and itself unit quaternions (x, y, z, w)."""
+    """Return the Hamilton product `one` * `other` of unit quaternions (x, y, z, w): first rotates `other`, then `one`.
+    """
     (x, y, z, w), (i, j, k, r) = one, other
     return (
         w * i + x * r + y * k - z * j, w * j - x * k + y * r + z * i, w * k + x * j - y * i + z * r,
@@ -99,14 +100,14 @@ def quaternion_product(
 
 @lru_cache(maxsize=256)
 def _quaternion_of(rotation: bytes) -> Tuple[float, float, float, float]:
-    """Return quaternion_from_rotation of a matrix's bytes; movers that do not turn ask it at every step."""
+    """Return quaternion_from_rotation of a matrix's bytes, cached for movers, which need it at every step."""
     return quaternion_from_rotation(np.frombuffer(rotation).reshape(3, 3))
 
 
 def quaternion_from_rotation(rotation: np.ndarray) -> Tuple[float, float, float, float]:
     """Return the unit quaternion (x, y, z, w), w not negative, of a rotation matrix.
 
-    The component of largest size is found first and the others from it, which stays exact for every rotation.
+    Computed from its largest component (Shepperd's method), which is accurate for every rotation.
     """
     r = rotation
     trace = r[0, 0] + r[1, 1] + r[2, 2]

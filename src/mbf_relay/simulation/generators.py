@@ -1,7 +1,7 @@
-"""Worlds at will: seeded obstacle fields, offices, corridors, mazes and crowds, as entries of a worlds file.
+"""Random worlds by seed: obstacle fields, offices, corridors, mazes and crowds, as entries of a worlds file.
 
-Each kind draws a grid of walls, or places movers, from a generator it is handed; what has no way at the robot's width
-is drawn again, so that whatever is returned can be solved.
+Each kind draws a grid of walls and movers from a random generator. A world without a path at the robot's width is drawn
+again, so that every world returned can be solved.
 """
 
 from __future__ import annotations
@@ -15,22 +15,23 @@ from scipy import ndimage
 from mbf_relay.simulation.difficulty import CELL, Difficulty, difficulty_of
 
 HEIGHT = 0.5
-"""Height (m) of whatever stands there: the lidar looks at 0.2 m."""
+"""Height (m) of walls, above the lidar's at about 0.2 m."""
 MOST_DRAWS = 1000
-"""Draws of one world before its kind counts as impossible."""
+"""Draws of one world after which an error is raised."""
 TIME_PER_METRE = 12.0
-"""Seconds allowed per metre of the shortest way: two fifths of a burger's top speed."""
+"""Time limit (s) per metre of the shortest path, which is two fifths of a burger's top speed."""
 
 Walls = np.ndarray
+"""Shape (rows, columns), bool."""
 
 
 class Drawn(NamedTuple):
-    """A draw of a world.
+    """A world as drawn.
 
     Attributes:
-        walls: Shape (rows, columns), bool, cells of CELL metres; row 0 at the lowest y.
-        start, goal: x, y in metres and yaw, from the grid's lower left corner.
-        movers: As in a worlds file.
+        walls: Shape (rows, columns), bool, cells of CELL metres; row 0 has the lowest y.
+        start, goal: x, y (m) and yaw (rad), from the grid's lower left corner.
+        movers: Entries as in a worlds file.
     """
 
     walls: Walls
@@ -60,7 +61,7 @@ def barn_like(rng: np.random.Generator) -> Drawn:
 
 
 def office(rng: np.random.Generator) -> Drawn:
-    """Draw rooms on both sides of a corridor, each with a door and a desk; the way leads from one room to another."""
+    """Draw rooms on both sides of a corridor, each with a door and a desk; start and goal are in different rooms."""
     size, hall, count = 14, 6, int(rng.integers(2, 5))
     walls = _walled(2 * size + hall + 4, count * (size + 1) + 1)
     sides = ((size + 1, 1), (size + hall + 2, size + hall + 3))  # row of the wall, first row of the room
@@ -80,7 +81,7 @@ def office(rng: np.random.Generator) -> Drawn:
 
 
 def corridor(rng: np.random.Generator) -> Drawn:
-    """Draw a corridor with turns whose width changes."""
+    """Draw a corridor with turns and varying width."""
     turns = int(rng.integers(2, 6))
     walls = np.ones((14 + 16 * turns, 60), bool)
     row, column = 7, 8
@@ -97,7 +98,7 @@ def corridor(rng: np.random.Generator) -> Drawn:
 
 
 def maze(rng: np.random.Generator) -> Drawn:
-    """Draw a maze by depth-first search: one way between any two places."""
+    """Draw a maze by randomized depth-first search, with exactly one path between any two places."""
     rooms, size = int(rng.integers(3, 6)), 8
     walls = np.ones((rooms * size + 1, rooms * size + 1), bool)
     way, seen = [(0, 0)], {(0, 0)}
@@ -118,7 +119,7 @@ def maze(rng: np.random.Generator) -> Drawn:
 
 
 def crowd(rng: np.random.Generator) -> Drawn:
-    """Draw a hall in which people walk to and fro across the robot's way, each at a pace of its own."""
+    """Draw a hall in which people walk back and forth across the robot's path, each at its own speed."""
     walls = _walled(60, 40)
     width, length = 40 * CELL, 60 * CELL
     movers = []
@@ -142,14 +143,14 @@ KINDS: Dict[str, Callable[[np.random.Generator], Drawn]] = {
 
 
 def generate(kind: str, seed: int) -> Dict[str, Any]:
-    """Return an entry of a worlds file, with measures of how hard it is under `difficulty`.
+    """Return a world as an entry of a worlds file, with measures under `difficulty` (see Difficulty).
 
     Args:
         kind: One of KINDS.
-        seed: Equal ones give equal worlds.
+        seed: Equal seeds give equal worlds.
 
     Raises:
-        ValueError: There is no such kind.
+        ValueError: There is no such kind, or no world that can be solved was found within MOST_DRAWS.
     """
     if kind not in KINDS:
         raise ValueError(f"there are no worlds of kind '{kind}'; there are {', '.join(KINDS)}")
@@ -175,7 +176,8 @@ def _entry(name: str, drawn: Drawn, measured: Difficulty) -> Dict[str, Any]:
 
 
 def _rectangles(walls: Walls) -> List[Tuple[int, int, int, int]]:
-    """Return rectangles (row, column, rows, columns) that cover the walls once: runs of a row, grown upward."""
+    """Return rectangles (row, column, rows, columns) that cover the walls without overlap: runs of rows, grown upward.
+    """
     left, found = walls.copy(), []
     for row in range(len(left)):
         column = 0

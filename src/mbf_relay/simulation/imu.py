@@ -1,4 +1,4 @@
-"""The inertial sensor: heading, turn rate and acceleration of the body."""
+"""The inertial measurement unit: orientation, angular velocity and acceleration."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ GRAVITY = 9.81
 
 @dataclass(frozen=True)
 class ImuReading:
-    """What the sensor says, in its own axes.
+    """A reading, in the sensor's own axes.
 
     Attributes:
         stamp: Time (s).
-        orientation: Of the sensor in the world, quaternion (x, y, z, w).
-        turn_rate: Shape (3,) in rad/s.
-        acceleration: Shape (3,) in m/s^2; 9.81 upwards at rest.
-        turn_rate_deviation, acceleration_deviation: Of each component.
+        orientation: Orientation of the sensor in the world, quaternion (x, y, z, w), without noise.
+        turn_rate: Angular velocity, shape (3,) in rad/s.
+        acceleration: Specific force, shape (3,) in m/s^2; 9.81 upwards at rest.
+        turn_rate_deviation, acceleration_deviation: Standard deviation of each component's noise.
     """
 
     stamp: float
@@ -35,31 +35,32 @@ class ImuReading:
 
 
 class Imu:
-    """Differentiates the velocity of the place where it is from one reading to the next."""
+    """Simulates readings by differentiating the velocity of its mounting point between readings."""
 
     def __init__(self, parameters: SimulationParameters, in_base: Frame, rng: np.random.Generator) -> None:
-        """Mount it.
+        """Mount the sensor.
 
         Args:
-            parameters: Its own are its rate and its noise.
-            in_base: Where it is in base_link.
-            rng: For its noise.
+            parameters: For its rate and noise.
+            in_base: Its pose in base_link.
+            rng: Generator of its noise.
         """
         self._gyro, self._accelerometer, self._rng = parameters.gyro_noise, parameters.accelerometer_noise, rng
         self._last: Optional[np.ndarray] = None
         self._rate = parameters.imu_rate
         self._mount, self._turned = in_base.quaternion(), in_base.rotation.T
         x, y, z = in_base.position.tolist()
-        self._lever = self._turned @ np.array([[0.0, z, -y], [-z, 0.0, x], [y, -x, 0.0]])  # turn rate x place
+        self._lever = self._turned @ np.array([[0.0, z, -y], [-z, 0.0, x], [y, -x, 0.0]])  # turn rate x position
 
     def reset(self) -> None:
-        """Forget the last velocity, so that being set down elsewhere is no blow."""
+        """Forget the last velocity, so that a move to another pose is no acceleration."""
         self._last = None
 
     def read(self, motion: Motion, stamp: float) -> ImuReading:
         """Return a reading of the base's motion at `stamp` (s).
 
-        What it feels is its speed's change in its own axes, what the axes' turning adds, and what holds it up.
+        The specific force is the derivative of the velocity in the sensor's axes, plus turn rate x velocity, plus
+        gravity's reaction.
         """
         velocity = self._turned @ motion.velocity + self._lever @ motion.turn_rate
         turn_rate = self._turned @ motion.turn_rate

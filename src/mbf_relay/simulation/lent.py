@@ -1,8 +1,8 @@
-"""Corners and indices of meshes for PyBullet, which never lets go of the lists it is handed.
+"""Creates PyBullet meshes without its memory leak.
 
-Each call that takes a mesh leaves two references on the list of corners, on every corner in it and on the list of
-indices, in versions 3.2.5 to 3.2.7 at least: megabytes a world. So the corners are lists that are lent again for the
-next mesh, and the lists that held them are emptied.
+In versions 3.2.5 to 3.2.7 at least, each call with a mesh leaks two references to the list of vertices, to every vertex
+in it and to the list of indices: megabytes a world. So the vertices are lists that are reused for the next mesh, and
+the lists that held them are emptied.
 """
 
 from __future__ import annotations
@@ -11,19 +11,19 @@ from typing import Any, Callable, List, Optional
 
 import numpy as np
 
-_corners: List[List[float]] = []
+_corners: List[List[float]] = []  # the vertices that are reused
 
 
 def create_mesh(
     create: Callable[..., int], vertices: np.ndarray, indices: Optional[np.ndarray] = None, **arguments: Any
 ) -> int:
-    """Return the number of a shape that PyBullet makes of a mesh.
+    """Create a shape from a mesh; return PyBullet's number of it.
 
     Args:
         create: createCollisionShape or createVisualShape; called with `vertices`, `indices` and `arguments`.
         vertices: Shape (N, 3) in metres.
-        indices: Shape (3 * M,); where None, PyBullet takes the hull of the vertices.
-        arguments: Everything else the call takes.
+        indices: Vertices of each triangle, shape (3 * M,); where None, PyBullet takes the vertices' convex hull.
+        arguments: Further arguments of the call.
     """
     while len(_corners) < len(vertices):
         _corners.append([0.0, 0.0, 0.0])

@@ -1,4 +1,4 @@
-"""The lidar: all beams of a turn in one call, with the errors a real one makes."""
+"""The simulated planar lidar, with noise, limited range and resolution, dropouts and faults."""
 
 from __future__ import annotations
 
@@ -15,28 +15,27 @@ from mbf_relay.simulation.robot import SCAN_FRAME
 from mbf_relay.simulation.scene import Scene
 
 DEAD = 0.0
-"""What an LDS-01 reads where it measured nothing; below range_min, so that nobody takes it for a distance."""
+"""Reading of a beam without measurement, as of an LDS-01; below range_min and therefore invalid."""
 
 
 class Lidar:
-    """A planar lidar with beams all round, the first along its x axis, or in a sector ahead, counter-clockwise.
+    """A planar lidar with beams counter-clockwise: all round, the first along its x axis, or in a sector ahead.
 
-    The stamp is the middle of the acquisition. All beams are taken at one instant, which then is the stamp; with
-    `scan_skew` each is taken where the robot is when the turning sensor looks its way, and the stamp is half a turn
-    before the scan is complete, or earlier where the rest of the turn is out of view. Rays start at the sensor and
-    never see the robot itself.
+    Without `scan_skew` all beams are measured at one time, which is the stamp. With it, each beam is measured when the
+    rotating sensor points there, and the stamp is the middle of the acquisition: half a turn before the scan is
+    complete, or more where the sensor's view is a sector. Rays never hit the robot itself.
     """
 
     def __init__(
         self, scene: Scene, parameters: SimulationParameters, in_base: Frame, rng: np.random.Generator
     ) -> None:
-        """Mount it.
+        """Mount the sensor.
 
         Args:
-            scene: What it looks at.
-            parameters: Its own are named scan_...
-            in_base: Where it stands in base_link.
-            rng: For its errors.
+            scene: The bodies it sees.
+            parameters: Its parameters are named scan_...
+            in_base: Its pose in base_link.
+            rng: Generator of its errors.
         """
         self._scene, self._parameters, self._in_base, self._rng = scene, parameters, in_base, rng
         self._steps = parameters.steps_between("scan_rate")
@@ -48,7 +47,12 @@ class Lidar:
         self._last: Optional[np.ndarray] = None
 
     def sweep(self, base: Frame, step: int) -> None:
-        """Take the beams that a turning sensor passes in one physics step, with base_link at `base` in the world."""
+        """Measure the beams that the rotating sensor passes in one physics step, for `scan_skew`.
+
+        Args:
+            base: Pose of base_link in the world.
+            step: Number of the step.
+        """
         part = (step - 1) % self._steps
         turn, count = self._parameters.scan_beams, len(self._directions)
         beams = slice(min(part * turn // self._steps, count), min((part + 1) * turn // self._steps, count))
@@ -56,11 +60,11 @@ class Lidar:
             self._skewed[beams] = self._distances(base, self._directions[beams])
 
     def restart(self, base: Frame) -> None:
-        """Take all beams anew, with base_link at `base` in the world, where the robot has been set down elsewhere."""
+        """Measure all beams again, with base_link at `base` in the world, after the robot was moved to another pose."""
         self._skewed = self._distances(base, self._directions)
 
     def scan(self, base: Frame, now: float, faults: Faults) -> Optional[LaserScan]:
-        """Return the scan complete at `now` (s) with base_link at `base` in the world; None from a silent lidar."""
+        """Return the scan that is complete at `now` (s), with base_link at `base` in the world; None while silent."""
         if faults.lidar_silent:
             return None
         parameters = self._parameters
@@ -75,15 +79,14 @@ class Lidar:
         )
 
     def _distances(self, base: Frame, directions: np.ndarray) -> np.ndarray:
-        """Return the true distances along directions (B, 3), shape (B,) in metres, +inf where nothing is within range.
-        """
+        """Return true distances along unit vectors (B, 3) in its frame, shape (B,) in metres; +inf beyond its range."""
         sensor = base.compose(self._in_base)
         reach = self._parameters.scan_range_max
         shares = self._scene.cast(sensor.position, sensor.transform_points(reach * directions))
         return np.where(shares < 1.0, shares * reach, np.inf)
 
     def _with_errors(self, distances: np.ndarray) -> np.ndarray:
-        """Return readings: noise, steps, limits and dropouts added to true distances, shape (B,) in metres."""
+        """Return true distances with noise, rounding, range limits and dropouts applied, shape (B,) in metres."""
         parameters = self._parameters
         if parameters.scan_noise > 0.0:
             distances = distances + parameters.scan_noise * self._rng.standard_normal(len(distances))
@@ -96,7 +99,7 @@ class Lidar:
         return distances
 
     def _with_short_ones(self, ranges: np.ndarray, share: float) -> np.ndarray:
-        """Return the readings, shape (B,), where a share of them ends somewhere before what is there."""
+        """Return the readings, shape (B,), a random share of which is replaced by shorter ones, in place."""
         if share == 0.0:
             return ranges
         least = self._parameters.scan_range_min

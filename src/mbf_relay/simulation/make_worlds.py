@@ -1,4 +1,4 @@
-"""The make_worlds command: a worlds file of generated worlds, or of Gazebo worlds such as BARN's."""
+"""The make_worlds command: writes a worlds file of generated worlds, or of Gazebo worlds such as BARN's."""
 
 from __future__ import annotations
 
@@ -21,15 +21,15 @@ from mbf_relay.simulation.world import World
 from mbf_relay.whole_files import write_whole
 
 BARN_START, BARN_GOAL = (-2.25, 3.0, math.pi / 2), (-2.25, 13.0, math.pi / 2)
-"""Where the BARN challenge starts its robot in each of its worlds, and where it sends it (x, y, yaw)."""
+"""Start and goal of the BARN challenge in each of its worlds (x, y, yaw)."""
 BARN_TIME = 100.0
-"""Seconds the challenge allows."""
+"""Time limit (s) of the challenge."""
 UPRIGHT, ABOVE_GROUND = 0.9999, 0.01
-"""Upward part of an axis from which it is upright, and how high (m) above the ground something may stand on it."""
+"""Cosine of the largest tilt of a body that counts as upright, and its largest height (m) above the ground."""
 
 
 def main(arguments: Optional[Sequence[str]] = None) -> int:
-    """Run the command; return its exit status: 0, or 1 for what a user can mend."""
+    """Run the command; return its exit status: 0, or 1 for an error that a user can fix."""
     options = _parse(sys.argv[1:] if arguments is None else arguments)
     try:
         if options.worlds:
@@ -49,7 +49,7 @@ def main(arguments: Optional[Sequence[str]] = None) -> int:
 
 
 def _check_names(paths: Sequence[Path]) -> None:
-    """Raise ValueError where worlds of two files would have one name, which nobody reads from a worlds file."""
+    """Raise ValueError where two files have the same name, since a worlds file cannot have two worlds of one name."""
     known: Dict[str, Path] = {}
     for path in paths:
         if path.stem in known:
@@ -68,19 +68,19 @@ def barn_entry(
     """Return an entry of a worlds file for a Gazebo world of upright cylinders and boxes.
 
     Args:
-        path: The world's file; its name becomes the world's.
+        path: The world's file, after which the world is named.
         start, goal: x, y, yaw in metres and radians.
-        tell: Takes a line on each thing of the file that is left out, or taken otherwise.
+        tell: Called with each warning on the file.
 
     Raises:
-        ValueError: It holds another shape, or one that is tilted or hangs in the air, or has no way through, or start
-            and goal are one place; the text names it.
+        ValueError: It has a body of another shape, or one that is tilted or above the ground, it has no path from start
+            to goal, or these are one place; the text says which.
         OSError: It cannot be opened.
     """
     world = read_sdf(str(path))
     for warning in world.warnings:
         tell(f"{path}: {warning}")
-    world = replace(world, bodies=tuple(replace(body, mass=0.0) for body in world.bodies))  # as in a worlds file
+    world = replace(world, bodies=tuple(replace(body, mass=0.0) for body in world.bodies))  # no masses in worlds files
     entry: Dict[str, Any] = {
         "name": path.stem, "start": list(start), "goal": list(goal), "goal_radius": 1.0, "time_limit": BARN_TIME,
         "cylinders": [], "boxes": [],
@@ -108,7 +108,7 @@ def barn_entry(
 
 
 def _measured(world: World, start: Sequence[float], goal: Sequence[float]) -> Optional[Dict[str, float]]:
-    """Return the measures of a world's way, its walls drawn into cells of CELL."""
+    """Return the measures of a world's difficulty, with its outline drawn into a grid; None where there is no path."""
     segments = world.outline(0.2)
     points = np.concatenate((segments.reshape(-1, 2), [start[:2], goal[:2]]))
     lower = points.min(axis=0) - 1.0

@@ -1,4 +1,4 @@
-"""Worlds out of occupancy maps: every occupied cell is a piece of wall."""
+"""Worlds made from occupancy maps: every occupied cell becomes a piece of wall."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from mbf_relay.simulation.world import World
 WALL_HEIGHT = 0.5
 """Height (m) of walls made of map cells."""
 OCCUPIED_FROM = 65
-"""Occupancy (%) from which a cell is a wall; maps in scale mode have values between."""
+"""Occupancy (%) from which on a cell is a wall, as by map_server's default; maps in scale mode have values between."""
 
 
 def read_map_world(path: str) -> World:
@@ -35,7 +35,7 @@ def read_map_world(path: str) -> World:
 
 
 def map_world(name: str, occupancy: OccupancyMap) -> World:
-    """Return the world of a map; the robot starts at the map frame's origin, or where there is most room.
+    """Return the world of a map; the robot starts at the map frame's origin, else where the clearance is largest.
 
     Raises:
         ValueError: The map has no free cell.
@@ -51,15 +51,15 @@ def map_world(name: str, occupancy: OccupancyMap) -> World:
 
 
 def wall_triangles(walls: np.ndarray, resolution: float, height: float = WALL_HEIGHT) -> np.ndarray:
-    """Return the surface of walls, shape (N, 3, 3) in metres, from the lower left corner of the map.
+    """Return the surface of walls as triangles, shape (N, 3, 3) in metres, from the lower left corner of the map.
 
-    Sides between cells that are alike are left out and the others joined to runs, tops are joined to few rectangles: a
+    Only sides between wall and free cells are made. Sides in line are joined, and tops are joined to few rectangles: a
     building of a million cells becomes some thousand triangles.
 
     Args:
         walls: Shape (height, width) bool.
         resolution: Side of a cell (m).
-        height: Of the walls (m).
+        height: Height of the walls (m).
     """
     rows, firsts, lasts = _boundary_runs(walls)
     along_x = _upright(np.column_stack((firsts, rows, lasts, rows)) * resolution, height)
@@ -96,10 +96,10 @@ def merged_rectangles(walls: np.ndarray) -> np.ndarray:
 
 
 def _boundary_runs(walls: np.ndarray) -> Tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return where rows of cells change from free to wall or back: (row, first column, last column + 1) of each run."""
+    """Return the boundaries between rows of cells, as runs: row, first column and last column + 1, shape (M,) each."""
     padded = np.pad(walls.astype(np.int8), 1)
     changes = np.diff(padded, axis=0)[:, 1:-1]
-    # A run of equal, non-zero changes along a row is one side of a wall; free to wall and wall to free are kept apart.
+    # A run of equal, non-zero changes along a row is one side of a wall.
     starts = np.zeros((changes.shape[0], changes.shape[1] + 1), dtype=np.int8)
     starts[:, 1:-1] = changes[:, 1:] != changes[:, :-1]
     starts[:, 0] = starts[:, -1] = 1
@@ -109,7 +109,7 @@ def _boundary_runs(walls: np.ndarray) -> Tuple[np.ndarray, np.ndarray, np.ndarra
 
 
 def _upright(segments: np.ndarray, height: float) -> np.ndarray:
-    """Return upright rectangles on segments (M, 4) as x, y, x, y: triangles, shape (2 M, 3, 3)."""
+    """Return vertical rectangles on segments (M, 4), x, y of both ends, as triangles, shape (2 M, 3, 3)."""
     low = np.zeros((len(segments), 2, 3))
     low[:, :, :2] = segments.reshape(-1, 2, 2)
     high = low + (0.0, 0.0, height)
@@ -119,7 +119,7 @@ def _upright(segments: np.ndarray, height: float) -> np.ndarray:
 
 
 def _level(rectangles: np.ndarray, height: float) -> np.ndarray:
-    """Return level rectangles (R, 4) as x, y, x, y at a height: triangles, shape (2 R, 3, 3)."""
+    """Return horizontal rectangles (R, 4), x, y of opposite corners, at a height as triangles, shape (2 R, 3, 3)."""
     corners = np.empty((len(rectangles), 4, 3))
     corners[:, :, :2] = rectangles[:, (0, 1, 2, 1, 2, 3, 0, 3)].reshape(-1, 4, 2)
     corners[:, :, 2] = height
@@ -127,7 +127,7 @@ def _level(rectangles: np.ndarray, height: float) -> np.ndarray:
 
 
 def _start(occupancy: OccupancyMap, free: np.ndarray) -> Pose2D:
-    """Return the map frame's origin if it is well inside of free space, else the place with most room."""
+    """Return the map frame's origin if it is well inside free space, else the free cell with the largest clearance."""
     room = distances_to_zeros(np.pad(free, 1))[1:-1, 1:-1] * occupancy.resolution
     local = Pose2D(0.0, 0.0, 0.0).relative_to(occupancy.origin)
     grid = occupancy.local_grid

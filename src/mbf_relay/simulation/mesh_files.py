@@ -1,4 +1,4 @@
-"""Mesh files as triangles: STL, Wavefront OBJ and COLLADA, as far as walls and furniture need them."""
+"""Reads the triangles of mesh files: STL, Wavefront OBJ and COLLADA."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ from mbf_relay import files
 from mbf_relay.simulation.frames import Frame
 
 LARGEST_MESH = 512 << 20
-"""Bytes of a mesh file."""
+"""Largest size (bytes) of a mesh file."""
 MOST_TRIANGLES, MOST_PARTS = 5000000, 10000
-"""Of a scene whose nodes stand for others, which a short file can multiply."""
+"""Limits for a COLLADA scene, whose nodes can instantiate others: a short file may expand to any size."""
 
 
 def read_mesh(path: str) -> np.ndarray:
     """Return the triangles of a mesh file, shape (N, 3, 3) in metres.
 
     Raises:
-        ValueError: The file is malformed, empty, or of a kind not understood; the text names it.
+        ValueError: The file is malformed, empty, or of an unknown format; the text names it.
         OSError: It cannot be opened.
     """
     reader = READERS.get(os.path.splitext(path)[1].lower())
@@ -77,17 +77,14 @@ def _read_obj(path: str) -> np.ndarray:
 
 
 def _read_collada(path: str) -> np.ndarray:
-    """Return the triangles of the visual scene of a COLLADA file, in metres.
-
-    The file's own upward axis is not looked at: Gazebo does not either, and worlds are made to look right there.
-    """
+    """Return the triangles of the visual scene of a COLLADA file, in metres; up_axis is ignored, as by Gazebo."""
     root = files.read_xml(path)
     for element in root.iter():
         element.tag = element.tag.rpartition("}")[2]
     geometries = {g.get("id"): _collada_geometry(g) for g in root.iter("geometry")}
     nodes = {node.get("id"): node for node in root.iter("node") if node.get("id")}
     found: List[np.ndarray] = []
-    with np.errstate(invalid="ignore"):  # some files have a camera infinitely far away; what shapes are there is seen
+    with np.errstate(invalid="ignore"):  # some files have a camera at infinity; triangles are checked by read_mesh
         for node in root.iterfind(".//visual_scene/node"):
             _collada_node(node, np.eye(4), geometries, nodes, found)
     if not found:
@@ -103,7 +100,7 @@ def _collada_node(
     node: Element, parent: np.ndarray, geometries: Dict[Optional[str], np.ndarray],
     nodes: Dict[Optional[str], Element], found: List[np.ndarray],
 ) -> None:
-    """Collect the triangles of a node and all below it, taken to the scene's frame."""
+    """Append the triangles of a node and its children, in the scene's frame, to `found`."""
     transform = parent
     for element in node:
         if element.tag == "instance_geometry":
@@ -130,7 +127,7 @@ def _collada_transform(element: Element) -> np.ndarray:
         transform[:3, :3] = np.diag(values)
     else:
         half = np.radians(values[3]) / 2.0
-        axis = values[:3] / (np.linalg.norm(values[:3]) or 1.0)  # without one, nothing turns
+        axis = values[:3] / (np.linalg.norm(values[:3]) or 1.0)  # an axis of zeros is no rotation
         transform[:3, :3] = Frame.from_quaternion((0.0, 0.0, 0.0), (*np.sin(half) * axis, np.cos(half))).rotation
     return transform
 
@@ -164,7 +161,7 @@ def _source_of(vertices: Element) -> str:
 
 
 def _collada_faces(group: Element, positions: Dict[Optional[str], np.ndarray]) -> np.ndarray:
-    """Return the triangles of one group of faces; polygons are taken for convex."""
+    """Return the triangles of one group of faces; polygons are assumed to be convex."""
     inputs = group.findall("input")
     vertex = next(i for i in inputs if i.get("semantic") == "VERTEX")
     corners = positions[vertex.get("source", "").lstrip("#")]

@@ -1,4 +1,4 @@
-"""What can be set of the simulator as a node: the simulation's own parameters and how it is run."""
+"""Parameters of the simulator node: those of the simulation, and of the node."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ class SimulatorParameters(SimulationParameters):
 
     @classmethod
     def known(cls, values: Mapping[str, Any]) -> Dict[str, Any]:
-        """Return the values that belong here: the user's, then the robot's own, the names of its frames among them."""
+        """Return the values for this set: the user's, else those of the robot's file, with the names of its frames."""
         own = super().known(values)
         return {**(load_robot(str(own["robot"])).frames if "robot" in own else {}), **own}
 
@@ -63,14 +63,14 @@ class SimulatorParameters(SimulationParameters):
             steps_between(name, getattr(self, name), self.physics_rate)
 
     def placed(self, world: World) -> World:
-        """Return the world with the robot's start where these parameters put it, and a warning if all is elsewhere."""
+        """Return the world with the start by x_pos, y_pos and yaw, and a warning if that is outside of all bodies."""
         asked = (self.x_pos, self.y_pos, self.yaw)
         start = Pose2D(*(own if value is None else value for own, value in zip(world.start, asked)))
         return leveled(replace(world, start=start, warnings=(*world.warnings, *_beside(world, start))))
 
 
 def _beside(world: World, start: Pose2D) -> List[str]:
-    """Return that a robot starts outside of all that stands in a world, a line at most."""
+    """Return a warning if a start that the user has set lies outside of the bounding box of all fixed bodies."""
     places = world.fixed_triangles()[0].reshape(-1, 3)[:, :2]
     if start == world.start or not len(places):
         return []

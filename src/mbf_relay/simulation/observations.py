@@ -1,4 +1,4 @@
-"""What one step of the simulation gives."""
+"""The readings of one simulation step."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from mbf_relay.simulation.imu import ImuReading
 
 
 class JointReading(NamedTuple):
-    """Joints, the driven wheels' first: time (s), angles (rad), speeds (rad/s), and names."""
+    """State of the joints, the driven wheels' first: time (s), angles (rad), speeds (rad/s), and names."""
 
     stamp: float
     positions: Tuple[float, ...]
@@ -20,7 +20,7 @@ class JointReading(NamedTuple):
 
 
 class Observations(NamedTuple):
-    """Readings; None where a sensor was not due, and what the robot touches at this moment."""
+    """Readings, None where a sensor was not due or is silent, and the robot's contacts."""
 
     scan: Optional[LaserScan] = None
     odometry: Optional[Odometry] = None

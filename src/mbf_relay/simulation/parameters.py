@@ -1,4 +1,4 @@
-"""What can be set of the simulated robot, its sensors and its time."""
+"""Parameters of the simulated robot, its sensors and the physics."""
 
 from __future__ import annotations
 
@@ -12,13 +12,14 @@ from mbf_relay.parameters import ParameterSet, parameter
 from mbf_relay.simulation.robot_file import load_robot
 
 RATES = ("scan_rate", "odom_rate", "imu_rate", "joint_state_rate")
+"""Names of the sensors' rates, which must divide physics_rate."""
 
 
 @dataclass(frozen=True)
 class SimulationParameters(ParameterSet):
-    """Parameters of `Simulation`; the defaults are a TurtleBot3 burger with an LDS-01 lidar.
+    """Parameters of `Simulation`; the defaults are those of a TurtleBot3 burger with an LDS-01 lidar.
 
-    What a user does not set is taken from the robot's file, and only then from here.
+    Values that the user does not set are those of the robot's file, else these defaults.
     """
 
     robot: str = parameter(
@@ -70,7 +71,7 @@ class SimulationParameters(ParameterSet):
 
     @classmethod
     def known(cls, values: Mapping[str, Any]) -> Dict[str, Any]:
-        """Return the values that belong here, by present names: the user's, then the robot's own."""
+        """Return the values for this set, by current names: the user's, else those of the robot's file."""
         own = super().known(values)
         settings = load_robot(str(own["robot"])).settings if "robot" in own else {}
         for name in cls.unknown_names(settings):
@@ -96,12 +97,12 @@ class SimulationParameters(ParameterSet):
         return first + increment * np.arange(count)
 
     def steps_between(self, name: str) -> int:
-        """Return the physics steps from one event of a rate to the next, 0 where the rate is 0."""
+        """Return the physics steps in one period of the rate of that name, 0 where the rate is 0."""
         return steps_between(name, getattr(self, name), self.physics_rate)
 
 
 def steps_between(name: str, rate: float, physics_rate: int) -> int:
-    """Return how many physics steps make one period of `rate` (Hz), 0 for a rate of 0.
+    """Return the number of physics steps in one period of `rate` (Hz), 0 for a rate of 0.
 
     Raises:
         ValueError: The rate does not divide the physics rate.

@@ -1,7 +1,7 @@
-"""PyBullet behind a few calls: one world of solids, rays through it, contacts in it.
+"""A wrapper of one PyBullet client: bodies, steps, contacts, rays.
 
-Everything that never moves is one mesh for the hull to bump into, so that a step costs the same in an empty world and
-in a building of ten thousand walls. Rays meet what can move alone; what never moves is seen as a `Surface`.
+All fixed bodies are joined to one mesh, so that a step costs the same in an empty world and in a building of ten
+thousand walls. PyBullet casts rays only at bodies that can move; for fixed ones there is the faster `Surface`.
 """
 
 from __future__ import annotations
@@ -19,30 +19,32 @@ from mbf_relay.simulation.lent import create_mesh
 from mbf_relay.simulation.shapes import Box, Cylinder, Shape, Sphere, indexed
 
 GROUND, FIXED, ROBOT, LOOSE, ROLLING = 2, 4, 16, 32, 64
-"""Collision groups; Bullet gives rays group 1."""
+"""Collision groups of the ground, fixed bodies, the robot's hull, movable bodies, and the robot's wheels."""
 
 TOUCHING = 2e-5
-"""Gap (m) above the ground up to which a contact point bears anything.
+"""Largest gap (m) of contact points with the ground that the solver uses (contactProcessingThreshold).
 
-Bullet keeps the points of the last steps, which roll up with a wheel, and those the hull has millimetres above the
-ground; it would solve eight contacts or more for the three a robot stands on.
+Bullet also keeps points of earlier steps, which rise with the turning wheel, and those of the hull, millimetres above
+the ground: eight or more where the robot stands on three.
 """
 
 RAYS = 1
+"""Bullet's collision group of rays."""
 ANY = -1
+"""Stands for all bodies in `Physics.contacts`."""
 IDENTITY_QUATERNION = (0.0, 0.0, 0.0, 1.0)
 CHUNK = 20000
-"""Triangles in one mesh; PyBullet takes 131072 corners at a time."""
+"""Triangles in one mesh; PyBullet's limit is 131072 vertices."""
 
 _hit_fraction = itemgetter(2)
 _left: List[int] = []
-"""Clients without a window whose worlds are closed: to clear the megabytes of a new one takes 17 ms, a drive 500."""
+"""Clients of closed worlds, for reuse: to connect a new one takes 17 ms, where a drive takes 500."""
 
 
 def _connected() -> int:
-    """Return a new client, without the renderer: it fills a texture for each body, in 4 ms, and nobody looks."""
+    """Return a new client without the software renderer, which would take 4 ms for the texture of each body."""
     client: int = pybullet.connect(pybullet.DIRECT)
-    renderer = pybullet.loadPlugin("tinyRendererPlugin", physicsClientId=client)  # is there; tells its number
+    renderer = pybullet.loadPlugin("tinyRendererPlugin", physicsClientId=client)  # loaded already; returns its number
     if renderer >= 0:
         pybullet.unloadPlugin(renderer, physicsClientId=client)
     return client
@@ -52,11 +54,11 @@ class Physics:
     """One PyBullet client with a ground plane at z = 0 and gravity."""
 
     def __init__(self, rate: int, iterations: int, gui: bool = False) -> None:
-        """Connect.
+        """Connect, or take over a client of a closed world.
 
         Args:
             rate: Steps per second of simulated time.
-            iterations: Of the contact solver.
+            iterations: Iterations of the contact solver.
             gui: Open PyBullet's window.
 
         Raises:
@@ -70,7 +72,7 @@ class Physics:
         else:
             self.client = _left.pop() if _left else _connected()
         pybullet.setGravity(0.0, 0.0, -9.81, physicsClientId=self.client)
-        # Solved as a cone, for both directions at once, friction lets the wheels creep sideways in every turn.
+        # With cone friction, which is solved for both directions at once, wheels slip sideways in every turn.
         pybullet.setPhysicsEngineParameter(
             fixedTimeStep=1.0 / rate, numSolverIterations=iterations, deterministicOverlappingPairs=1,
             enableConeFriction=0, physicsClientId=self.client,
@@ -83,13 +85,13 @@ class Physics:
         )
 
     def show(self, start: Pose2D, robot: int) -> None:
-        """Make the window, if there is one, ready for watching the robot from its start on."""
+        """Set up the window, if there is one: camera at the start, colours."""
         if self.gui:
             window.tidy(self.client, start)
             window.paint(self.client, robot, window.ROBOT)
 
     def close(self) -> None:
-        """Empty the client for the next world, or close its window; more than once does no harm."""
+        """Clear the client for reuse, or close its window; may be called more than once."""
         client, self.client = self.client, -1
         if client >= 0 and self.gui:
             pybullet.disconnect(physicsClientId=client)
@@ -98,7 +100,7 @@ class Physics:
             _left.append(client)
 
     def __getstate__(self) -> NoReturn:
-        """Raise TypeError: a copy would have no world of its own, but move what is in this one, and close it."""
+        """Raise TypeError: a copy would share the client, which either of the two could change and close."""
         raise TypeError(
             "a simulation cannot be copied or pickled, as its world is PyBullet's; copy before it is built (an "
             "environment: before reset() or after close()), and let each build its own"
@@ -109,12 +111,12 @@ class Physics:
         pybullet.stepSimulation(physicsClientId=self.client)
 
     def filter(self, body: int, group: int, mask: int) -> None:
-        """Put every link of a body in a collision group, and say which groups it meets."""
+        """Set the collision group of every link of a body, and the groups it collides with (mask)."""
         for link in range(-1, pybullet.getNumJoints(body, physicsClientId=self.client)):
             pybullet.setCollisionFilterGroupMask(body, link, group, mask, physicsClientId=self.client)
 
     def add_fixed(self, triangles: np.ndarray, group: int, mask: int) -> List[int]:
-        """Add a surface that never moves, shape (N, 3, 3) in metres; return the bodies it takes."""
+        """Add a fixed surface, shape (N, 3, 3) in metres; return the numbers of the bodies that make it up."""
         bodies = []
         for first in range(0, len(triangles), CHUNK):
             vertices, indices = indexed(triangles[first:first + CHUNK])
@@ -130,7 +132,7 @@ class Physics:
         return bodies
 
     def add_loose(self, shape: Shape, frame: Frame, mass: float) -> int:
-        """Add a solid that is moved, by forces if it has a mass (kg) or by hand; the lidar sees it."""
+        """Add a movable body that rays hit: pushed by forces if it has a mass (kg), else moved by `place`."""
         body: int = pybullet.createMultiBody(
             mass,
             self.collision_shape(shape),
@@ -159,33 +161,33 @@ class Physics:
         return number
 
     def remove(self, body: int) -> None:
-        """Take a body out of the world."""
+        """Remove a body."""
         pybullet.removeBody(body, physicsClientId=self.client)
 
     def place(self, body: int, frame: Frame) -> None:
-        """Set a body down elsewhere, at rest."""
+        """Move a body's centre of mass to a frame, at rest."""
         pybullet.resetBasePositionAndOrientation(
             body, frame.position.tolist(), frame.quaternion(), physicsClientId=self.client
         )
         pybullet.resetBaseVelocity(body, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), physicsClientId=self.client)
 
     def frame_of(self, body: int) -> Frame:
-        """Return where a body's centre of mass is, and how it is turned."""
+        """Return the frame of a body's centre of mass in the world."""
         position, quaternion = pybullet.getBasePositionAndOrientation(body, physicsClientId=self.client)
         rotation = np.array(pybullet.getMatrixFromQuaternion(quaternion)).reshape(3, 3)
         return Frame(np.array(position), rotation)
 
     def cast(self, start: np.ndarray, ends: np.ndarray) -> np.ndarray:
-        """Cast rays from `start`, shape (3,), to `ends`, shape (B, 3), in metres, at loose bodies alone.
+        """Cast rays from `start`, shape (3,), to `ends`, shape (B, 3), in metres, at movable bodies only.
 
         Returns:
-            Shape (B,): the share of its way each ray went before it hit something, 1 where it hit nothing.
+            Fraction of each ray before its first hit, 1 where it hits nothing, shape (B,).
         """
         starts = np.broadcast_to(start, ends.shape)
         hits = pybullet.rayTestBatch(starts, ends, collisionFilterMask=LOOSE, physicsClientId=self.client)
         return np.fromiter(map(_hit_fraction, hits), dtype=float, count=len(ends))
 
     def contacts(self, body: int, other: int) -> Sequence[Tuple[Any, ...]]:
-        """Return PyBullet's contact points of a body with another one; with all where that is ANY."""
+        """Return PyBullet's contact points (getContactPoints) of a body with another one, or with all for ANY."""
         points: Sequence[Tuple[Any, ...]] = pybullet.getContactPoints(body, other, physicsClientId=self.client)
         return points

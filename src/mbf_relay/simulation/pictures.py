@@ -1,7 +1,6 @@
-"""Pictures of a simulation without a display, by PyBullet's software renderer.
+"""Pictures of a simulation by PyBullet's software renderer, which needs no display.
 
-A picture is taken in a physics client of its own, to which everything is copied as it stands: taking one changes
-nothing in the simulation.
+All bodies are copied to another physics client for it, so that taking a picture does not change the simulation.
 """
 
 from __future__ import annotations
@@ -26,7 +25,7 @@ SIZE = (960, 720)
 
 
 class View(NamedTuple):
-    """A camera: where it stands and what it looks at (m), which way is up, and its field of view (rad)."""
+    """A camera: its position and target (m), the upward direction, and the vertical field of view (rad)."""
 
     eye: Tuple[float, float, float]
     target: Tuple[float, float, float]
@@ -35,7 +34,7 @@ class View(NamedTuple):
 
 
 def view_from_above(simulation: Simulation) -> View:
-    """Return a view straight down on the whole world, x to the right."""
+    """Return a view of the whole world from above, x to the right."""
     points = [np.array([[simulation.true_pose.x, simulation.true_pose.y]])]
     points += [body.triangles()[:, :, :2].reshape(-1, 2) for body in simulation.scene.bodies()]
     lower, upper = (f(np.concatenate(points), axis=0) for f in (np.min, np.max))
@@ -46,7 +45,7 @@ def view_from_above(simulation: Simulation) -> View:
 
 
 def view_following(simulation: Simulation) -> View:
-    """Return a view over the robot's shoulder."""
+    """Return a view from behind and above the robot."""
     pose = simulation.true_pose
     cos, sin = math.cos(pose.theta), math.sin(pose.theta)
     return View(
@@ -92,7 +91,7 @@ def _render(client: int, view: View) -> np.ndarray:
 
 
 def _copy(client: int, simulation: Simulation) -> None:
-    """Put everything of a simulation into a client as something to look at."""
+    """Create visual copies of a simulation's bodies in a client."""
     for body in simulation.scene.bodies():
         _show(client, body)
     pose = simulation.true_pose
@@ -109,7 +108,7 @@ def _show(client: int, body: Body) -> None:
 
 
 def _visuals(shape: Shape) -> List[dict]:
-    """Return the arguments PyBullet makes visual shapes of; a large mesh takes several."""
+    """Return arguments of createVisualShape for a shape; a large mesh needs several."""
     if isinstance(shape, Box):
         return [dict(shapeType=pybullet.GEOM_BOX, halfExtents=[side / 2.0 for side in shape.size])]
     if isinstance(shape, Cylinder):

@@ -1,4 +1,4 @@
-"""Files that worlds refer to: model://, package:// and file:// addresses, and plain paths."""
+"""Resolves references to files in worlds and URDFs: model://, package:// and file:// URIs, and plain paths."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from mbf_relay import files
 
 
 class MissingResource(ValueError):
-    """A file that a world refers to is not there; the text names it and where it was looked for."""
+    """A file that a world refers to was not found; the text names it and where it was looked for."""
 
     def __init__(self, uri: str, advice: str) -> None:
-        """Say so.
+        """Make the error.
 
         Args:
-            uri: Its address, as the world has it.
+            uri: The reference as written in the world.
             advice: Where it was looked for, in brackets, and what to do.
         """
         super().__init__(f"'{uri}' was not found {advice}")
@@ -26,14 +26,14 @@ class MissingResource(ValueError):
 
 
 def find_resource(uri: str, base: str) -> str:
-    """Return the path that an address means.
+    """Return the path of the file or folder that a URI refers to.
 
     Args:
         uri: model://NAME/..., package://NAME/..., file://PATH, or a path, absolute or relative to `base`.
-        base: Folder of the file that refers to it.
+        base: Folder of the file with the reference.
 
     Raises:
-        MissingResource: There is no such file or folder, or the address is of another kind.
+        MissingResource: There is no such file or folder, or the URI has another scheme.
     """
     scheme, separator, rest = uri.partition("://")
     if not separator:
@@ -45,7 +45,7 @@ def find_resource(uri: str, base: str) -> str:
         )
     elif scheme == "model":
         candidates = _in_folders(unquote(rest), model_folders(base))
-        if not any(map(os.path.exists, candidates)):  # it may be a package by that name
+        if not any(map(os.path.exists, candidates)):  # Gazebo also accepts packages as models
             candidates += filter(os.path.exists, _in_packages(unquote(rest)))
     elif scheme == "package":
         candidates = _in_packages(unquote(rest))
@@ -63,17 +63,18 @@ def find_resource(uri: str, base: str) -> str:
 
 
 def model_folders(base: str) -> List[str]:
-    """Return the folders models are looked for in.
+    """Return the folders in which models are searched.
 
-    Those of GAZEBO_MODEL_PATH, those that the package round the file exports to Gazebo, those beside the file, and
-    ~/.gazebo/models.
+    They are those of GAZEBO_MODEL_PATH, those that the file's ROS package exports to Gazebo, `base`, its folder
+    `models` and its parent, and ~/.gazebo/models.
     """
     folders = _listed("GAZEBO_MODEL_PATH") + _exported(base, "gazebo_model_path")
     return folders + [base, os.path.join(base, "models"), os.path.dirname(base), os.path.expanduser("~/.gazebo/models")]
 
 
 def media_folders(base: str) -> List[str]:
-    """Return the folders other files are looked for in: GAZEBO_RESOURCE_PATH, and those that the package exports."""
+    """Return the folders in which other files are searched: GAZEBO_RESOURCE_PATH, and those that the package exports.
+    """
     return _listed("GAZEBO_RESOURCE_PATH") + _exported(base, "gazebo_media_path")
 
 
@@ -82,7 +83,7 @@ def _listed(variable: str) -> List[str]:
 
 
 def _exported(base: str, attribute: str) -> List[str]:
-    """Return the folders that the ROS package round a folder exports to Gazebo."""
+    """Return the folders that the ROS package which contains `base` exports to Gazebo (<gazebo_ros> in package.xml)."""
     folder = Path(base).resolve()
     package = next((f for f in (folder, *folder.parents) if (f / "package.xml").is_file()), None)
     if package is None:
@@ -90,17 +91,17 @@ def _exported(base: str, attribute: str) -> List[str]:
     try:
         exports = files.read_xml(str(package / "package.xml")).findall("export/gazebo_ros")
     except (ValueError, OSError):
-        return []  # another file is being read
+        return []  # a broken package.xml is no error of the world
     texts = [export.get(attribute, "").replace("${prefix}", str(package)) for export in exports]
     return [path for text in texts for path in text.split(os.pathsep) if path]
 
 
 def model_file(folder: str) -> str:
-    """Return the SDF file of a model's folder, which its model.config names.
+    """Return the SDF file of a model's folder: the last one that model.config names and that exists, else model.sdf.
 
     Raises:
-        ValueError: It has none, or its model.config is no XML.
-        OSError: That cannot be opened.
+        ValueError: There is none, or model.config is no XML.
+        OSError: model.config cannot be opened.
     """
     config = os.path.join(folder, "model.config")
     if os.path.isfile(config):
@@ -119,7 +120,7 @@ def _in_folders(path: str, folders: List[str]) -> List[str]:
 
 
 def _in_packages(path: str) -> List[str]:
-    """Return where a package's file may be: the package's folder itself, or in a folder of packages."""
+    """Return candidates for the path of a package's file, PACKAGE/..., by ROS_PACKAGE_PATH."""
     package, _, inside = path.partition("/")
     candidates = []
     for folder in os.environ.get("ROS_PACKAGE_PATH", "").split(os.pathsep):
@@ -134,26 +135,26 @@ def _in_packages(path: str) -> List[str]:
     return candidates
 
 
-@lru_cache(maxsize=64)  # a robot has many meshes
+@lru_cache(maxsize=64)  # cached, as a robot has many meshes
 def _by_manifest(package: str, path: str) -> str:
-    """Return the folder of a package by the name in its package.xml, however deep it lies; empty for none."""
+    """Return the folder of a package by the name in its package.xml, searched at any depth; empty for none."""
     for top in filter(None, path.split(os.pathsep)):
         for folder, deeper, names in os.walk(top):
             if "package.xml" not in names:
                 deeper[:] = sorted(name for name in deeper if not name.startswith("."))
                 continue
-            deeper.clear()  # packages hold no others
+            deeper.clear()  # packages do not contain other packages
             try:
                 name = files.read_xml(os.path.join(folder, "package.xml")).findtext("name", "")
             except (ValueError, OSError):
-                continue  # not the one that is looked for
+                continue  # unreadable: not the package that is searched
             if name.strip() == package:
                 return folder
     return ""
 
 
 def _nested(folder: str, package: str, inside: str) -> List[str]:
-    """Return a package's file one folder deeper, as in a repository of several packages."""
+    """Return candidates one folder deeper, as in a repository with several packages."""
     try:
         children = sorted(entry.path for entry in os.scandir(folder) if entry.is_dir())
     except OSError:

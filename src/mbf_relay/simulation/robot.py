@@ -1,4 +1,4 @@
-"""A robot as the simulation needs to know it: body, wheels, sensors' places, and what it takes up seen from above."""
+"""The model of a robot: body, wheels, casters, poses of sensors, outline and footprint."""
 
 from __future__ import annotations
 
@@ -14,13 +14,15 @@ from mbf_relay.simulation.frames import Frame
 from mbf_relay.simulation.shapes import Body, Box, Cylinder, Shape
 
 DIFFERENTIAL, OMNIDIRECTIONAL, CAR = DRIVES = ("differential", "omnidirectional", "car")
+"""Kinds of drives."""
 
 SCAN_FRAME, IMU_FRAME, BASE_FRAME, FOOTPRINT_FRAME = "base_scan", "imu_link", "base_link", "base_footprint"
+"""Default names of the frames."""
 AXLE = Frame.of(0.0, 0.0, roll=-math.pi / 2.0)
-"""Turns a wheel's axis from z to y."""
+"""Rotates a wheel's axis from z to y."""
 
 LOWEST_LOOK, STEP_BETWEEN_LOOKS = 0.005, 0.04
-"""Heights (m) at which the robot's outline is compared with the world's: from the ground, and at most so far apart."""
+"""Lowest height (m) at which the world is cut to test whether the robot fits, and the largest step between heights."""
 
 
 @dataclass(frozen=True)
@@ -40,7 +42,7 @@ class Wheels(ParameterSet):
 
 
 class Part(NamedTuple):
-    """A solid of the body: its shape, where its middle is in base_link, and its mass (kg)."""
+    """A solid of the body: its shape, its pose in base_link, and its mass (kg)."""
 
     shape: Shape
     frame: Frame
@@ -48,7 +50,7 @@ class Part(NamedTuple):
 
 
 class Caster(NamedTuple):
-    """A ball that glides on the ground: x, y in base_link and radius (m), mass (kg)."""
+    """A caster, modelled as a ball without friction: x, y in base_link and radius (m), mass (kg)."""
 
     x: float
     y: float
@@ -58,30 +60,29 @@ class Caster(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class RobotModel:
-    """What a robot is made of. Places are in base_link, `base_height` above base_footprint, which is on the ground.
+    """A robot's geometry and masses, in base_link, which is `base_height` above base_footprint on the ground.
 
-    A differential drive has base_link between its two wheels, an omnidirectional one between its four, a car between
-    its rear wheels.
+    base_link of a differential drive is between its two wheels, of an omnidirectional one between its four, of a car
+    between its rear wheels.
 
     Attributes:
-        name: For people.
+        name: For messages.
         drive: One of DRIVES.
-        base_height: Metres.
-        body: Its solids.
-        inertia: Of body and sensors about x, y, z (kg m^2).
-        wheels: Two or four of them.
-        casters: What else stands on the ground.
-        outline: What it takes up, wheels included, seen from above: a convex polygon, shape (K, 2) in metres,
-            counter-clockwise, in base_footprint.
-        footprint: What navigation is to keep free, likewise.
-        scan_in_base, imu_in_base: Where the sensors are.
-        settings: Parameters of SimulationParameters that belong to it.
-        frames: What it calls its frames: base_frame, scan_frame, imu_frame, where it has names of its own.
-        root, root_in_base: The first link of its description where that does not lead to base_frame, else empty; and
-            where it is there.
-        joint_names: Of the driven wheels' joints, the left one's first, likewise.
-        still_joints: Joints that nothing moves here, and that are told to be at zero.
-        warnings: What is not as its file says, for people.
+        base_height: Height (m) of base_link above the ground.
+        body: The solids of the body.
+        inertia: Moments of inertia of the body about x, y, z (kg m^2).
+        wheels: Dimensions and arrangement of the wheels.
+        casters: The casters.
+        outline: Convex outline of body and wheels seen from above, shape (K, 2) in metres, counter-clockwise, in
+            base_footprint.
+        footprint: Footprint for navigation, shape (K, 2), likewise.
+        scan_in_base, imu_in_base: Poses of the sensors.
+        settings: Values of SimulationParameters in the robot's file.
+        frames: Names of its frames by parameter (base_frame, scan_frame, imu_frame), where a URDF has its own.
+        root, root_in_base: Root link of its URDF where that is not base_frame, else empty; and its pose in base_frame.
+        joint_names: Joints of the driven wheels in its URDF, left before right; empty for the default names.
+        still_joints: Movable joints of its URDF that are not simulated and published at zero.
+        warnings: What was changed or ignored of its file.
     """
 
     name: str
@@ -106,11 +107,11 @@ class RobotModel:
     @property
     def axle_height(self) -> float:
         """Height (m) of the wheels' axes above base_link."""
-        return round(self.wheels.radius - self.base_height, 9)  # as a file would say it, not a last bit beside that
+        return round(self.wheels.radius - self.base_height, 9)  # without rounding errors of the subtraction
 
     @property
     def scan_height(self) -> float:
-        """Height (m) above the ground at which the lidar looks."""
+        """Height (m) of the lidar above the ground."""
         return self.base_height + float(self.scan_in_base.position[2])
 
     @property
@@ -137,16 +138,16 @@ class RobotModel:
         return driven + [(base, half), (base, -half)] if self.drive == CAR else driven
 
     def heights(self) -> np.ndarray:
-        """Return the heights (m) above the ground at which to look whether there is room for it."""
+        """Return the heights (m) above the ground at which to test whether the robot fits, shape (H,)."""
         highest = 0.95 * self.height
         return np.linspace(LOWEST_LOOK, highest, 1 + math.ceil((highest - LOWEST_LOOK) / STEP_BETWEEN_LOOKS))
 
     def solids(self, base: Frame, colours: Mapping[str, Tuple[float, float, float, float]]) -> List[Body]:
-        """Return everything of it that can be seen, with base_link at `base` in the world.
+        """Return its visible solids: the parts of the body and the wheels.
 
         Args:
-            base: There.
-            colours: Of the first part of its body, of "wheel"; the body's further parts have the wheels'.
+            base: Pose of base_link in the world.
+            colours: Colours (RGBA) of "body", its first part, and "wheel", all others.
         """
         shown = [
             Body(self.name, part.shape, base.compose(part.frame), colour=colours["wheel" if index else "body"])
@@ -160,7 +161,7 @@ class RobotModel:
 
 
 def box_inertia(parts: Tuple[Part, ...]) -> Tuple[float, float, float]:
-    """Return the inertia (kg m^2) of a body of even density as large as these parts together."""
+    """Return the moments of inertia (kg m^2) of a solid box with the parts' bounding box and total mass."""
     points = np.concatenate([part.frame.transform_points(part.shape.triangles().reshape(-1, 3)) for part in parts])
     x, y, z = np.ptp(points, axis=0)
     share = sum(part.mass for part in parts) / 12.0
@@ -171,8 +172,8 @@ def seen_from_above(parts: Tuple[Part, ...], wheels: Wheels, places: List[Tuple[
     """Return the convex outline of body and wheels, shape (K, 2) in metres, counter-clockwise.
 
     Args:
-        parts: The body.
-        wheels, places: The wheels, and x, y (m) of each.
+        parts: The solids of the body.
+        wheels, places: Dimensions of the wheels, and x, y (m) of each.
     """
     points = [part.frame.transform_points(part.shape.triangles().reshape(-1, 3))[:, :2] for part in parts]
     tyre = Box((2.0 * wheels.radius, wheels.width, 1.0)).triangles().reshape(-1, 3)[:, :2]

@@ -1,4 +1,4 @@
-"""Robots by name or file: a URDF (`urdf_robot`), or a YAML of body, wheels, sensors' places and limits.
+"""Reads robots by name or file: a URDF (see `urdf_robot`), or a YAML file of body, wheels, sensors and limits.
 
     drive: differential          # or omnidirectional, car
     base_height: 0.01            # m, of base_link above the ground
@@ -9,7 +9,7 @@
     lidar: {at: [-0.03, 0.0, 0.17], yaw: 0.0}
     footprint: [[-0.1, -0.1], [-0.1, 0.1], [0.04, 0.1], [0.04, -0.1]]
 
-What else may stand there: mass of a part, inertia, outline, imu, and every parameter of the simulator.
+Further entries: mass of a part, inertia, outline, imu, and every parameter of the simulator.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ URDF = ".urdf"
 OWN_NAMES = (
     "drive", "base_height", "body", "inertia", "outline", "footprint", "wheels", "casters", "lidar", "imu"
 )
-"""What a robot's file says beside the simulator's parameters."""
+"""Entries of a robot's file that are not parameters of the simulator."""
 
 
 def load_robot(text: str) -> RobotModel:
@@ -56,7 +56,7 @@ def load_robot(text: str) -> RobotModel:
 
 
 def robot_text(text: str) -> str:
-    """Return what the file of a robot says; see `load_robot`."""
+    """Return the content of a robot's file; arguments and errors as for `load_robot`."""
     path = _path_of(text)
     try:
         return files.read_text(str(path))
@@ -82,7 +82,7 @@ def _path_of(text: str) -> Path:
 
 @lru_cache(maxsize=16)
 def _robot_of_text(name: str, text: str) -> RobotModel:
-    """Return the robot that a file describes; a thousand episodes read one file, which takes long to parse."""
+    """Return the robot of a YAML file, cached, as parsing is slow and a batch reads one file for each episode."""
     values = files.parse_yaml(text)
     if not isinstance(values, Mapping):
         raise ValueError("it holds no names and values; see config/robot/burger.yaml for those of a robot")
@@ -91,20 +91,20 @@ def _robot_of_text(name: str, text: str) -> RobotModel:
 
 @lru_cache(maxsize=16)
 def _robot_of_urdf(name: str, text: str, folder: str) -> RobotModel:
-    """Return the robot that a URDF in a folder describes; its meshes take long to read."""
+    """Return the robot of a URDF in a folder, cached, as reading meshes is slow."""
     values, names = robot_values(files.parse_xml(text, "it"), folder)
     return replace(robot_of(name, values), **names)
 
 
 def robot_of(name: str, values: Mapping[str, Any]) -> RobotModel:
-    """Return the robot that a file's names and values describe.
+    """Return the robot by a file's entries.
 
     Args:
-        name: For people.
-        values: See above.
+        name: Name of the robot, for messages.
+        values: The entries; see the module's docstring.
 
     Raises:
-        ValueError: They are wrong; the text says what.
+        ValueError: An entry is missing or invalid; the text says which.
     """
     drive = values.get("drive", DIFFERENTIAL)
     if drive not in DRIVES:

@@ -1,4 +1,4 @@
-"""Everything in the physics but the robot: the fixed surface, loose bodies, movers and obstacles added on the way."""
+"""All bodies in the physics but the robot: the fixed surface, loose bodies, movers, and obstacles added at run time."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ from mbf_relay.simulation.surface import Surface
 from mbf_relay.simulation.world import Mover, World
 
 MOST_TRIANGLES = 2000000
-"""In the fixed surface; what is beyond would fill the memory."""
+"""Largest number of triangles of the fixed surface, lest it fill the memory."""
 LONGEST_EDGE = 0.8
-"""Of a triangle (m) in the surface that bodies bump into."""
+"""Longest edge (m) of a triangle in the collision mesh; see `subdivided`."""
 REACHED, SWAY = 1.0, 0.1
-"""Height (m) up to which loose bodies bump into what is fixed, and how far above its top a robot does."""
+"""Height (m) up to which loose bodies collide with the fixed surface, and the same for the robot, above its top."""
 ROLLED_OVER = 0.01
-"""Height (m) up to which a robot rolls over what lies there: thresholds, mats, seams of floors."""
+"""Height (m) up to which bodies are ignored, as the robot rolls over them: thresholds, mats, seams of floors."""
 SEEN_BAND = 0.5
-"""How far (m) above and below the lidar a surface can be and still be met by a beam of a robot that tilts a little."""
+"""Distance (m) above and below the lidar within which beams can hit a surface when the robot tilts a little."""
 
 
 class Scene:
@@ -35,12 +35,12 @@ class Scene:
         """Build the world.
 
         Args:
-            physics: Where.
-            world: What stands and moves.
-            robot: Who is to look at it, and needs room.
+            physics: The physics client.
+            world: The world.
+            robot: The robot, for its lidar's height and its outline.
 
         Raises:
-            ValueError: It has more triangles than can be handled.
+            ValueError: The world has more than MOST_TRIANGLES.
         """
         self._physics, self._world, self._robot = physics, world, robot
         triangles, owners = _higher(ROLLED_OVER, *world.fixed_triangles())
@@ -64,16 +64,16 @@ class Scene:
 
     @property
     def restless(self) -> bool:
-        """Return whether something here moves, or was put here, and may push the robot."""
+        """Whether there are loose bodies, movers or obstacles, which may push the robot."""
         return bool(self._names)
 
     @property
     def obstacles(self) -> Mapping[Hashable, Body]:
-        """The obstacles added on the way, by their key."""
+        """The obstacles added at run time, by their key."""
         return {key: body for key, (_, body) in self._obstacles.items()}
 
     def set_obstacle(self, key: Hashable, body: Body) -> None:
-        """Put an obstacle here, in place of the one of that key if there is one."""
+        """Add an obstacle, or replace or move the one of that key."""
         known = self._obstacles.get(key)
         if known is not None and known[1].shape == body.shape:
             self._physics.place(known[0], body.frame)
@@ -85,7 +85,7 @@ class Scene:
         self._names[number] = body.name
 
     def remove_obstacle(self, key: Hashable) -> bool:
-        """Take an obstacle away; return whether there was one of that key."""
+        """Remove an obstacle; return whether there was one of that key."""
         known = self._obstacles.pop(key, None)
         if known is None:
             return False
@@ -94,12 +94,12 @@ class Scene:
         return True
 
     def advance(self, elapsed: float) -> None:
-        """Bring the movers to where they are `elapsed` seconds after the start."""
+        """Move the movers to their poses `elapsed` seconds after the start."""
         for number, mover in self._movers:
             self._physics.place(number, mover.frame_at(elapsed))
 
     def reset(self) -> None:
-        """Take the obstacles away and put everything else back to where it was at first."""
+        """Remove the obstacles and move everything else back to its initial pose."""
         for key in list(self._obstacles):
             self.remove_obstacle(key)
         for number, body in self._loose:
@@ -107,20 +107,20 @@ class Scene:
         self.advance(0.0)
 
     def contacts_of(self, robot: int) -> Tuple[Contact, ...]:
-        """Return what the robot touches at this moment."""
+        """Return the contacts of the robot, given by its number in the physics, after the last step."""
         return self._contacts.find(self._physics, robot, self._names)
 
     def cast(self, start: np.ndarray, ends: np.ndarray) -> np.ndarray:
-        """Cast rays from `start`, shape (3,), to `ends`, shape (B, 3), in metres; they never meet robot and ground.
+        """Cast rays from `start`, shape (3,), to `ends`, shape (B, 3), in metres; robot and ground are never hit.
 
         Returns:
-            Shape (B,): the share of its way each ray went before it hit something, 1 where it hit nothing.
+            Fraction of each ray before its first hit, 1 where it hits nothing, shape (B,).
         """
         shares = self._seen.cast(start, ends)
         return np.minimum(shares, self._physics.cast(start, ends)) if self._names else shares
 
     def obstruction_at(self, pose: Pose2D) -> Optional[str]:
-        """Return the name of what the robot would stand in at `pose`, None where there is room."""
+        """Return the name of a body that the robot would intersect at `pose`, None where there is room."""
         owner = clearance.obstruction(self._triangles, self._owners, pose, self._robot, self._halls)
         if owner is not None:
             return self._world.bodies[owner].name
@@ -128,29 +128,28 @@ class Scene:
         return next(blocking, None)
 
     def obstructs(self, body: Body, pose: Pose2D) -> bool:
-        """Return whether a body leaves no room for the robot at `pose`."""
+        """Return whether the robot would intersect a body at `pose`."""
         return clearance.surface_obstructs(body.triangles(), pose, self._robot)
 
     def bodies(self) -> List[Body]:
-        """Return everything that stands here, where it is now."""
+        """Return all bodies with their current frames."""
         return [body for body in self._world.bodies if body.mass == 0.0] + list(self._moved_bodies())
 
     def _moved_bodies(self) -> Iterator[Body]:
-        """Yield loose bodies, movers and obstacles where they are now."""
+        """Yield loose bodies, movers and obstacles with their current frames."""
         for number, body in self._loose + [(n, m.body) for n, m in self._movers] + list(self._obstacles.values()):
             yield replace(body, frame=self._physics.frame_of(number))
 
 
 def low_enough(triangles: np.ndarray, reached: float) -> np.ndarray:
-    """Return the triangles, shape (N, 3, 3), that a body on the ground can bump into up to a height (m)."""
+    """Return the triangles, shape (N, 3, 3), that have a part between the ground and a height (m)."""
     lowest, highest = bounds(triangles[:, :, 2])
     low: np.ndarray = triangles[(lowest < reached) & (highest > 0.0)]
     return low
 
 
 def seen_by_level_rays(triangles: np.ndarray, height: float) -> np.ndarray:
-    """Return the triangles, shape (N, 3, 3), without those that lie flat or far above and below the lidar's height (m).
-    """
+    """Return the triangles, shape (N, 3, 3), that a lidar at `height` (m) can see: not horizontal, within SEEN_BAND."""
     lowest, highest = bounds(triangles[:, :, 2])
     triangles = triangles[(lowest < height + SEEN_BAND) & (highest > height - SEEN_BAND)]
     seen: np.ndarray = triangles[~level(triangles)]
@@ -158,6 +157,6 @@ def seen_by_level_rays(triangles: np.ndarray, height: float) -> np.ndarray:
 
 
 def _higher(height: float, triangles: np.ndarray, owners: np.ndarray) -> Tuple[np.ndarray, np.ndarray]:
-    """Return the triangles that are higher than `height` (m) somewhere, and whose each of them is."""
+    """Return the triangles that reach above `height` (m), and their owners."""
     higher = bounds(triangles[:, :, 2])[1] > height
     return (triangles, owners) if higher.all() else (triangles[higher], owners[higher])

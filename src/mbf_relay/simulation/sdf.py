@@ -1,8 +1,8 @@
-"""SDF and Gazebo `.world` files: what of them a robot can bump into or see.
+"""Reads SDF and Gazebo `.world` files, as far as they say what a robot can collide with or see.
 
-Read are models and links with their poses (also `relative_to` a frame, link or model beside them), includes, the
-models' poses of a saved `<state>`, and the collision geometries box, cylinder, sphere, plane and mesh. What is not
-understood, not there or broken is named in a warning and left out, as in Gazebo, as long as something is left.
+Supported are models and links with their poses (also `relative_to` a sibling frame, link or model), includes, the
+models' poses of a saved `<state>`, and the collision geometries box, cylinder, sphere, plane and mesh. What is
+unsupported, missing or broken is left out with a warning, as in Gazebo, as long as some body is left.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from mbf_relay.simulation.shapes import Body, Box, Cylinder, Mesh, Shape, Sphere
 from mbf_relay.simulation.world import World
 
 DRIVES = ("diffdrive", "skidsteer", "planarmove", "ackermann", "mecanum", "kobuki", "husky", "roscontrol", "motor")
-"""In the names of plugins that drive a robot, which a world is often saved with; the simulator brings its own."""
+"""Parts of the file names of Gazebo plugins that drive a robot; a model with one is left out of the world."""
 PASSED_OVER = {
     "physics",
     "light",
@@ -65,26 +65,26 @@ PASSED_OVER = {
     "audio_source",
     "audio_sink",
 }
-"""Elements that are read elsewhere or say nothing about what can be bumped into."""
+"""Elements that are read elsewhere or do not concern collisions; there is no warning of them."""
 ALWAYS_THERE = ("ground_plane", "sun")
-"""Gazebo's own models that nearly every world includes: there is ground here, and light where it is needed."""
+"""Models of Gazebo that are not read: the simulator has a ground plane, and needs no light."""
 MOST_INCLUDES = 10000
-"""Files included; one that includes another twice, and so on, would never end."""
+"""Largest number of files included: files that each include another one twice would take for ever."""
 FLAT = 0.999
-"""Upward part of a plane's normal from which it lies level."""
+"""Cosine of the largest tilt of a <plane> that counts as the ground."""
 SOON = 200
-"""Bytes of a file within which XML begins."""
+"""Bytes of a file within which its first element must begin."""
 MOST_NAMED = 5
-"""Models or files told by name in one line."""
+"""Models or files named in one warning; the others are counted."""
 BY_ATTRIBUTES = ("1.0", "1.1", "1.2")
-"""Versions of SDF that write as attributes what later ones write as elements."""
+"""Versions of SDF that have attributes where later ones have elements."""
 
 
 def read_sdf(path: str) -> World:
-    """Return the world of an SDF or Gazebo world file; a file with models alone is a world of them.
+    """Return the world of an SDF or Gazebo world file; a file with models alone is a world, too.
 
     Raises:
-        ValueError: The file is malformed or refers to a file that is missing; the text names both.
+        ValueError: The file is malformed, or nothing of it can be read; the text says why.
         OSError: The file cannot be opened.
     """
     try:
@@ -133,7 +133,7 @@ class SdfReader:
             raise ValueError(
                 f"world file {path} is no XML; where it is one of Stage, give the map of its floor plan as the world")
         declaration = text.find(b"<?xml")
-        if declaration > 0:  # below a comment or an empty line: Gazebo's own parser passes over it there
+        if declaration > 0:  # after a comment or an empty line, which Gazebo's parser accepts
             text = text[:declaration] + text[declaration:].partition(b"?>")[2]
         try:
             root = files.parse_xml(text, path)
@@ -146,20 +146,20 @@ class SdfReader:
         return root
 
     def _warn(self, text: str, name: str = "") -> None:
-        """Note what is told in one line of all that it is true of, whose names stand in the place of {} there."""
+        """Note a warning; one line is made for all names with the same text, in which they replace {}."""
         names = self._warnings.setdefault(text, [])
         if name not in names:
             names.append(name)
 
     def _leave_out(self, error: ValueError, whose: str = "") -> None:
-        """Note what is not there, or cannot be read."""
+        """Note a part of the world that is left out, as it is missing or malformed; `whose` begins its line."""
         if isinstance(error, MissingResource):
             self._missing.setdefault(error.uri, (whose, error))
         else:
             self._left_out[whose + str(error)] = None
 
     def _missing_in_a_line(self) -> List[str]:
-        """Return what is told of all that is not there: a line at most, however much it is."""
+        """Return one line on all missing files, empty where there are none."""
         if not self._missing:
             return []
         names = _list([f"{whose}'{error.uri}'" for whose, error in self._missing.values()])
@@ -193,7 +193,7 @@ class SdfReader:
         self._model(child, place or self._placed(child, frames), folder, prefix, False)
 
     def _placed(self, element: Element, frames: _Frames) -> Frame:
-        """Return the pose of an element, in the world."""
+        """Return the pose of an element in the world; warn where it is relative to an unknown frame."""
         try:
             return frames.placed(element)
         except KeyError as error:
@@ -223,7 +223,7 @@ class SdfReader:
                 name = name or model.get("name", "model")
                 place = saved.get(name) if not prefix else None
                 if place is None:
-                    # The pose of the include stands in for the model's own.
+                    # The include's pose replaces the model's own.
                     place = self._placed(include if include.find("pose") is not None else model, frames)
                 model.set("name", name)
                 self._model(model, place, os.path.dirname(os.path.abspath(file)), prefix, static)
@@ -264,7 +264,7 @@ class SdfReader:
             self._bodies.append(Body(own, shape, place, mass))
 
     def _mass(self, link: Element) -> float:
-        """Return the mass (kg) of a link that can be pushed; 1, as in Gazebo, where nothing is said of it."""
+        """Return the mass (kg) of a link; 1 where none is given, as in Gazebo."""
         if link.find("inertial/mass") is None:
             return 1.0
         try:
@@ -276,7 +276,7 @@ class SdfReader:
         return mass
 
     def _geometry(self, geometry: Optional[Element], frame: Frame, folder: str, name: str) -> Optional[Shape]:
-        """Return a collision's shape, None for the ground and for what is not understood."""
+        """Return a collision's shape; None for the ground plane and for unsupported geometries."""
         element = next((child for child in geometry if child.tag != "empty"), None) if geometry is not None else None
         if element is None:
             return None
@@ -310,11 +310,11 @@ class SdfReader:
 
 
 class _Endless(ValueError):
-    """Files that include each other without end, of which no part can be left out."""
+    """Files include each other without end; an error for the whole world."""
 
 
 class _Frames:
-    """Poses of the named children of an element, in the world."""
+    """Resolves poses of an element's children, also relative to each other, to the world."""
 
     def __init__(self, element: Element, parent: Frame) -> None:
         self.parent = parent
@@ -325,10 +325,10 @@ class _Frames:
         }
 
     def placed(self, element: Element, depth: int = 0) -> Frame:
-        """Return the pose of a child, in the world.
+        """Return the pose of a child in the world.
 
         Raises:
-            KeyError: It is relative to something that is not beside it.
+            KeyError: It is relative to a frame that is no sibling.
         """
         pose = element.find("pose")
         reference = pose.get("relative_to", pose.get("frame", "")) if pose is not None else ""
@@ -342,13 +342,13 @@ class _Frames:
 
 
 def _list(names: List[str]) -> str:
-    """Return names, the first of many."""
+    """Return names for a message, the first MOST_NAMED and the number of the others."""
     more = f" and {len(names) - MOST_NAMED} more" if len(names) > MOST_NAMED else ""
     return ", ".join(names[:MOST_NAMED]) + more
 
 
 def _of_attributes(root: Element) -> None:
-    """Rewrite a file of an old version, in place: its attributes as the elements that later versions have for them."""
+    """Convert a file of an old version in place: attributes become the elements of later versions."""
     for element in list(root.iter()):
         if element.tag == "origin":
             element.tag = "pose"
@@ -359,12 +359,12 @@ def _of_attributes(root: Element) -> None:
 
 
 def _letters(plugin: Element) -> str:
-    """Return the letters of a plugin's file, all small."""
+    """Return the letters of a plugin's file name, in lower case."""
     return "".join(letter for letter in (plugin.get("filename") or "").lower() if letter.isalpha())
 
 
 def pose_of(element: Element) -> Frame:
-    """Return an element's own pose as it is written; ValueError where it is malformed."""
+    """Return an element's <pose> as written, whatever it is relative to; raise ValueError where it is malformed."""
     pose = element.find("pose")
     text = (pose.text or "").strip() if pose is not None else ""
     if not text:

@@ -1,7 +1,6 @@
-"""Solids a world is made of, each able to say its surface as triangles.
+"""The solids of worlds and robots, and functions on their surfaces as triangles.
 
-Triangles are the one form that the physics, the lidar and the map maker share: what the robot bumps into, what it sees
-and what stands in the map can therefore not differ.
+Physics, lidar and map drawing all use the triangles of fixed bodies, so that collisions, scans and maps agree.
 """
 
 from __future__ import annotations
@@ -16,9 +15,9 @@ import numpy as np
 from mbf_relay.simulation.frames import Frame
 
 LEVEL = 0.999999
-"""Upward part of a normal beyond which a surface lies flat."""
+"""Cosine of the largest tilt of a surface that counts as horizontal."""
 ROUNDNESS = 2e-4
-"""Largest gap (m) between a round surface and the flat facets that stand for it; half of it lies on either side."""
+"""Sagitta (m) of the facets that approximate a round surface; half of it lies inside, half outside."""
 
 
 @dataclass(frozen=True)
@@ -47,10 +46,7 @@ class Cylinder:
         _check("cylinder radius and height", (self.radius, self.height))
 
     def triangles(self) -> np.ndarray:
-        """Return the surface, shape (N, 3, 3) in metres, read-only.
-
-        The facets lie half inside and half outside the round.
-        """
+        """Return the surface, shape (N, 3, 3) in metres, read-only; see ROUNDNESS."""
         return _cylinder_triangles(self.radius, self.height)
 
 
@@ -64,7 +60,7 @@ class Sphere:
         _check("sphere radius", (self.radius,))
 
     def triangles(self) -> np.ndarray:
-        """Return the surface, shape (N, 3, 3) in metres, as bands between circles of latitude."""
+        """Return the surface, shape (N, 3, 3) in metres, as bands between parallels."""
         sides = _sides(self.radius, 2.0 * ROUNDNESS)
         latitudes = np.linspace(-math.pi / 2.0, math.pi / 2.0, sides // 2 + 1)
         polygons = regular_polygon(1.0, sides)
@@ -102,14 +98,14 @@ Shape = Union[Box, Cylinder, Sphere, Mesh]
 
 @dataclass(frozen=True)
 class Body:
-    """A named solid somewhere in the world.
+    """A named solid in a world.
 
     Attributes:
-        name: What contacts and warnings call it.
+        name: Name in contacts and warnings.
         shape: Its geometry.
         frame: Pose of the shape in the world.
-        mass: In kilograms; 0 for what never moves.
-        colour: Red, green, blue, alpha for pictures.
+        mass: Mass (kg); 0 for a fixed body.
+        colour: RGBA for pictures.
     """
 
     name: str
@@ -123,7 +119,7 @@ class Body:
         return self.frame.transform_points(self.shape.triangles())
 
     def scaled(self, scale: float) -> Body:
-        """Return the same of a world `scale` times as large; a loose one is as much heavier as it is bulkier."""
+        """Return the body of a world `scale` times as large; its mass grows with its volume."""
         shape: Shape
         if isinstance(self.shape, Box):
             x, y, z = self.shape.size
@@ -160,7 +156,7 @@ def prism_triangles(corners: np.ndarray, bottom: float, top: float) -> np.ndarra
 
 @lru_cache(maxsize=64)
 def _cylinder_triangles(radius: float, height: float) -> np.ndarray:
-    """Return a cylinder's surface; the hundreds of one obstacle field are all alike."""
+    """Return a cylinder's surface, cached, as obstacle fields have hundreds of equal ones."""
     sides = _sides(radius)
     corners = regular_polygon(radius / (0.5 + 0.5 * math.cos(math.pi / sides)), sides)
     triangles = prism_triangles(corners, -height / 2.0, height / 2.0)
@@ -169,10 +165,11 @@ def _cylinder_triangles(radius: float, height: float) -> np.ndarray:
 
 
 def ring_triangles(inner: np.ndarray, outer: np.ndarray, bottom: float, top: float) -> np.ndarray:
-    """Return the surface between two polygons of as many corners, one inside the other, shape (N, 3, 3) in metres.
+    """Return the surface of a ring-shaped prism, shape (N, 3, 3) in metres.
 
     Args:
-        inner, outer: Shape (C, 2) in metres, counter-clockwise.
+        inner, outer: Polygons with the same number of corners, one inside the other, shape (C, 2) in metres,
+            counter-clockwise.
         bottom, top: Heights (m) of the ring's two ends.
     """
     low_in, low_out, high_in, high_out = (
@@ -188,16 +185,16 @@ def cut(triangles: np.ndarray, height: float) -> Tuple[np.ndarray, np.ndarray]:
 
     Args:
         triangles: Shape (N, 3, 3) in metres.
-        height: Of the plane (m).
+        height: Height of the plane (m).
 
     Returns:
-        Segments, shape (M, 2, 2): two points (m) each; and shape (M,): which triangle each comes from.
+        Segments as x, y (m) of both ends, shape (M, 2, 2), and the index of each segment's triangle, shape (M,).
     """
     above = triangles[:, :, 2] > height
     first, second, third = above.T
     indices = np.flatnonzero((first != second) | (second != third))
     crossing, above = triangles[indices], above[indices]
-    # The corner that is alone on its side of the plane; the cut runs through the two edges that meet in it.
+    # The corner that is alone on its side of the plane; its two edges cross the plane.
     alone = np.where(above.sum(axis=1) == 1, above.argmax(axis=1), (~above).argmax(axis=1))
     rows = np.arange(len(crossing))
     tip = crossing[rows, alone]
@@ -210,7 +207,7 @@ def cut(triangles: np.ndarray, height: float) -> Tuple[np.ndarray, np.ndarray]:
 
 
 def level(triangles: np.ndarray) -> np.ndarray:
-    """Return which triangles, shape (N, 3, 3), lie flat, or are no surface at all: shape (N,) bool."""
+    """Return which triangles, shape (N, 3, 3), are horizontal or degenerate, shape (N,) bool."""
     normals = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
     sizes = np.linalg.norm(normals, axis=1)
     flat: np.ndarray = (np.abs(normals[:, 2]) >= LEVEL * sizes) | (sizes <= 1e-15)
@@ -218,25 +215,24 @@ def level(triangles: np.ndarray) -> np.ndarray:
 
 
 def bounds(corners: np.ndarray) -> Tuple[np.ndarray, np.ndarray]:
-    """Return the lowest and the highest coordinates of triangles' corners.
+    """Return the minimum and the maximum of triangles' coordinates over their corners.
 
-    As min and max along axis 1, which take five times as long for three.
+    Equal to min and max along axis 1, which take five times as long.
 
     Args:
         corners: Shape (N, 3) of one coordinate, or (N, 3, D).
 
     Returns:
-        Two of shape (N,) or (N, D).
+        Minimum and maximum, each of shape (N,) or (N, D).
     """
     first, second, third = corners[:, 0], corners[:, 1], corners[:, 2]
     return np.minimum(np.minimum(first, second), third), np.maximum(np.maximum(first, second), third)
 
 
 def subdivided(triangles: np.ndarray, longest: float) -> np.ndarray:
-    """Halve triangles, shape (N, 3, 3), across their longest edges until none is longer than `longest` metres.
+    """Bisect triangles, shape (N, 3, 3), at their longest edges until none is longer than `longest` metres.
 
-    A long wall that runs aslant has an enclosing box as large as a room; in pieces it is out of the way of all but the
-    near.
+    A long diagonal wall has a bounding box as large as a room, which would be tested against everything in it.
     """
     lower, upper = bounds(triangles)
     extents = upper - lower
@@ -257,12 +253,12 @@ def subdivided(triangles: np.ndarray, longest: float) -> np.ndarray:
 
 
 def indexed(triangles: np.ndarray) -> Tuple[np.ndarray, np.ndarray]:
-    """Return triangles, shape (N, 3, 3), as a mesh whose triangles share corners.
+    """Return triangles, shape (N, 3, 3), as an indexed mesh.
 
-    As np.unique tells them apart, but sorted by one column after the other, which takes a fifth of the time.
+    Equal to np.unique with axis=0 and return_inverse, in a fifth of the time.
 
     Returns:
-        The corners, shape (V, 3) in metres, sorted; and shape (3 N,): which of them each triangle's corners are.
+        Vertices, shape (V, 3) in metres, sorted, and the vertex of each triangle's corners, shape (3 N,).
     """
     points = triangles.reshape(-1, 3)
     order = np.lexsort(points.T[::-1])
@@ -275,7 +271,7 @@ def indexed(triangles: np.ndarray) -> Tuple[np.ndarray, np.ndarray]:
 
 
 def _band(lower: np.ndarray, upper: np.ndarray) -> np.ndarray:
-    """Return the triangles between two rings of as many corners, shape (2 N, 3, 3)."""
+    """Return the triangles between two closed polygons of N corners each, shape (2 N, 3, 3)."""
     next_lower, next_upper = np.roll(lower, -1, axis=0), np.roll(upper, -1, axis=0)
     return np.concatenate((
         np.stack((lower, next_lower, next_upper), axis=1), np.stack((lower, next_upper, upper), axis=1),
@@ -289,7 +285,7 @@ def _areas(triangles: np.ndarray) -> np.ndarray:
 
 
 def _sides(radius: float, roundness: float = ROUNDNESS) -> int:
-    """Return how many sides keep a circle within `roundness` (m) of its facets; a multiple of four."""
+    """Return the number of sides of a polygon that is within `roundness` (m) of a circle; a multiple of four."""
     sagitta = min(0.5, roundness / radius)
     return 4 * max(3, math.ceil(math.pi / math.acos(1.0 - sagitta) / 4.0))
 

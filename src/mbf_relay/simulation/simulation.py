@@ -1,4 +1,4 @@
-"""The simulation: a world, a robot in it, and the readings of its sensors, step by step."""
+"""The simulation of a robot in a world: physics, sensors, commands and faults, step by step."""
 
 from __future__ import annotations
 
@@ -30,34 +30,34 @@ from mbf_relay.simulation.world import World
 class Simulation:
     """A robot in a world.
 
-    One seed gives one run to the last bit: each sensor draws from a generator of its own, and the physics is
-    deterministic. Time goes on by `step` alone.
+    Equal seeds give equal runs, bit by bit: each sensor has a random generator of its own, and the physics is
+    deterministic. Time advances only by `step` and `advance`.
 
     Attributes:
-        world: The place.
-        parameters: Of robot, sensors and time.
-        robot: What the robot is made of.
-        scene: The bodies in it; obstacles are added there.
-        base: The robot's body.
+        world: The world.
+        parameters: Parameters of robot, sensors and physics.
+        robot: The robot's geometry and masses.
+        scene: The bodies of the world; obstacles are added there.
+        base: The robot's body in the physics.
         lidar: Its lidar.
-        faults: What is made to go wrong (Faults); assign to change.
+        faults: The faults in force (Faults); assign to change them.
     """
 
     def __init__(
         self, world: World, parameters: SimulationParameters, seed: int, gui: bool = False,
         robot: Optional[RobotModel] = None,
     ) -> None:
-        """Build the world and set the robot down at its start.
+        """Build the world and place the robot at its start.
 
         Args:
-            world: The place.
-            parameters: Of robot, sensors and time.
-            seed: For all chance in the run.
+            world: The world.
+            parameters: Parameters of robot, sensors and physics.
+            seed: Seed of the sensors' errors.
             gui: Open PyBullet's window.
-            robot: What it is made of; the one the parameters name where None.
+            robot: The robot; the one that the parameters name where None.
 
         Raises:
-            ValueError: The start lies inside of something, or there is no such robot.
+            ValueError: The robot would intersect a body at the start, or there is no such robot.
             OSError: There is no display for the window.
         """
         self.world, self.parameters, self.faults = world, parameters, NO_FAULTS
@@ -81,7 +81,7 @@ class Simulation:
             parameters.steps_between(name) for name in ("scan_rate", "odom_rate", "imu_rate", "joint_state_rate")
         )
         periods = self._scan_steps, self._odom_steps, self._imu_steps, self._joint_steps
-        self._reading_steps = functools.reduce(math.gcd, periods)  # between steps at which any sensor may be due
+        self._reading_steps = functools.reduce(math.gcd, periods)  # period of the steps at which any sensor may be due
         self._steps = self._first_step = self._pose_read = 0
         self._pose = self.base.pose()  # at the step `_pose_read`
         self._odom_angles = self._joint_angles = self._drivetrain.wheel_angles()
@@ -93,19 +93,19 @@ class Simulation:
 
     @property
     def true_pose(self) -> Pose2D:
-        """Where base_footprint really is in the world."""
+        """True pose of base_footprint in the world."""
         if self._pose_read != self._steps:
             self._pose, self._pose_read = self.base.pose(), self._steps
         return self._pose
 
     @property
     def true_velocity(self) -> Twist2D:
-        """How the robot really moves, in its own axes."""
+        """True velocity of base_footprint in its own axes."""
         return self.base.body_velocity()
 
     @property
     def odometry_pose(self) -> Pose2D:
-        """Where base_footprint was in odom at the last reading of the wheels."""
+        """Pose of base_footprint in odom at the last odometry reading, without faults."""
         return self._odometer.pose
 
     def set_command(self, velocity: Twist2D) -> None:
@@ -119,37 +119,37 @@ class Simulation:
         self._drivetrain.command(velocity, self.faults.command_delay)
 
     def set_pose(self, pose: Pose2D) -> None:
-        """Set the robot down elsewhere, at rest; its odometry does not notice.
+        """Move the robot to a pose of base_footprint in the world, at rest; odometry does not change.
 
         Raises:
-            ValueError: The pose is not finite or lies inside of something; the robot stays where it is.
+            ValueError: The pose is not finite, or the robot would intersect a body there; the robot is not moved.
         """
         self._require_room(pose, "a pose to set the robot down at")
         self._set_down(pose)
 
     def reset(self) -> None:
-        """Bring everything back to where it was at first; the clock and the chance in the sensors go on."""
+        """Reset robot, bodies and odometry to the start; clock and random generators go on."""
         self.scene.reset()
         self._set_down(self.world.start)
         self._odometer.restart()
-        self._faulty_odometry = FaultyOdometry()  # what was under way is of the drive before
+        self._faulty_odometry = FaultyOdometry()  # drops delayed readings of before
         self._odom_angles = self._drivetrain.wheel_angles()
         self._first_step = self._steps
 
     def set_time(self, now: float) -> None:
-        """Have the clock show another time (s), as where it is to keep to another's; all else goes on as it was."""
+        """Set the clock (s), as to follow another simulator's; nothing else changes."""
         self._start_time = now - self._steps / self.parameters.physics_rate
-        self._faulty_odometry = FaultyOdometry()  # what was under way is of the old time
+        self._faulty_odometry = FaultyOdometry()  # drops delayed readings with stamps of the old time
 
     def step(self) -> Observations:
-        """Advance by one physics step and return what the sensors that were due then read."""
+        """Advance by one physics step and return the readings of the sensors that are due."""
         return self.advance(1)[1]
 
     def advance(self, most: int) -> Tuple[int, Observations]:
-        """Advance by at most so many steps, until a sensor reads something or something is touched.
+        """Advance to the next step with a sensor reading or a contact, by `most` physics steps at most.
 
         Returns:
-            How many steps were taken, and what the last of them brought.
+            Number of steps taken, and the observations of the last one.
         """
         parameters, scene, base = self.parameters, self.scene, self.base
         slip = 1.0 - (1.0 - parameters.wheel_slip) * (1.0 - self.faults.slip)
@@ -168,7 +168,7 @@ class Simulation:
         return most, NOTHING
 
     def close(self) -> None:
-        """Free the physics."""
+        """Free the physics client."""
         self.physics.close()
 
     def __enter__(self) -> Simulation:
@@ -179,7 +179,7 @@ class Simulation:
 
     def _set_down(self, pose: Pose2D) -> None:
         self.base.place(pose)
-        self._drivetrain.halt()  # where it stands now: some wheels' angles are told by the body's way
+        self._drivetrain.halt()  # after `place`: some drivetrains compute wheel angles from the body's motion
         self._pose = self.base.pose()
         self._imu.reset()
         if self.parameters.scan_skew:

@@ -1,4 +1,4 @@
-"""What never moves, as the lidar sees it."""
+"""Ray casting at the fixed surface, for the lidar."""
 
 from __future__ import annotations
 
@@ -10,21 +10,22 @@ from mbf_relay.simulation.shapes import bounds, subdivided
 from mbf_relay.simulation.surface_kernels import cast
 
 SMALLEST_CELL, LARGEST_CELL = 0.05, 0.25
-"""Sides (m) of the cells that triangles are sorted into: small where they are many."""
+"""Least and largest side (m) of a grid cell; within, it depends on the density of triangles."""
 PER_CELL = 4.0
-"""Triangles in a cell that are as quick to look through as the cells on the way are to walk."""
+"""Wanted number of triangles per cell: more slow down the tests in a cell, fewer mean more cells along a ray."""
 MOST_CELLS = 1000000
+"""Largest number of cells, which take 8 bytes each: in huge worlds cells become larger than LARGEST_CELL."""
 LONGEST_EDGE = 1.0
-"""Of a triangle (m): what lies aslant of the cells would be in many that it does not cross."""
+"""Longest edge (m) of a triangle: triangles are entered in all cells of their bounding box, crossed or not."""
 MARGIN = 1e-6
-"""By how much (m) a triangle reaches into the cells around, so that rays along a border of cells meet it."""
+"""Margin (m) of the bounding boxes, so that rays along the border of two cells hit."""
 
 
 class Surface:
-    """Triangles sorted into square cells seen from above; nearly level rays look into the few cells on their way."""
+    """Triangles in a grid seen from above; a nearly horizontal ray tests only those in the cells that it crosses."""
 
     def __init__(self, triangles: np.ndarray) -> None:
-        """Sort triangles, shape (N, 3, 3) in metres."""
+        """Build the grid for triangles, shape (N, 3, 3) in metres."""
         triangles = subdivided(triangles, LONGEST_EDGE)
         edges = triangles[:, 1:] - triangles[:, :1]
         self._triangles = np.ascontiguousarray(np.concatenate((triangles[:, :1], edges), axis=1).reshape(-1, 9))
@@ -39,7 +40,7 @@ class Surface:
         self._sort(low.astype(np.int64), high.astype(np.int64))
 
     def _sort(self, low: np.ndarray, high: np.ndarray) -> None:
-        """Note which triangles reach into each cell, given the (column, row) of their corners, shape (N, 2) each."""
+        """Build the lists of triangles by cell, from (column, row) of bounding boxes' corners, shape (N, 2) each."""
         widths, heights = (high - low + 1).T
         owners = np.repeat(np.arange(len(low)), widths * heights)
         before = np.concatenate(([0], np.cumsum(widths * heights)[:-1])) if len(low) else np.zeros(0, dtype=np.int64)
@@ -56,7 +57,7 @@ class Surface:
         """Cast rays from `start`, shape (3,), to `ends`, shape (B, 3), in metres.
 
         Returns:
-            Shape (B,): the share of its way each ray went before it hit something, 1 where it hit nothing.
+            Fraction of each ray before its first hit, 1 where it hits nothing, shape (B,).
         """
         shares = np.empty(len(ends))
         cast(
@@ -67,7 +68,7 @@ class Surface:
 
 
 def _side_of_cells(width: float, height: float, triangles: int) -> float:
-    """Return the side (m) of the cells for an area of `width` x `height` metres with so many triangles in it."""
+    """Return the side (m) of the cells for an area of `width` x `height` metres with a number of triangles."""
     fitting = math.sqrt(PER_CELL * width * height / max(1, triangles))
     fewest = max(math.sqrt(width * height / MOST_CELLS), max(width, height) / MOST_CELLS)
     return max(min(LARGEST_CELL, max(SMALLEST_CELL, fitting)), fewest)

@@ -1,5 +1,5 @@
 # mypy: allow-untyped-defs, allow-untyped-calls
-"""Rays against the triangles of a surface that never moves."""
+"""Kernels for ray casting at triangles in a grid."""
 
 from __future__ import annotations
 
@@ -10,21 +10,21 @@ import numpy as np
 from mbf_relay.kernels import kernel
 
 EDGE = 1e-9
-"""Share of a triangle by which it reaches over its edges, so that no ray slips through between two."""
+"""Tolerance in barycentric coordinates, so that no ray passes between two adjacent triangles."""
 
 
 @kernel("float64(float64[::1], float64, float64, float64, float64, float64, float64)")
 def share_to_triangle(
     corner_and_edges: np.ndarray, x: float, y: float, z: float, dx: float, dy: float, dz: float
 ) -> float:
-    """Return the share of its way after which a ray meets a triangle, +inf where it does not.
+    """Return the fraction of a ray at which it hits a triangle, above 1 beyond its end, +inf where it misses.
 
-    Moeller, Trumbore: Fast, minimum storage ray/triangle intersection (1997); both sides count.
+    Moeller, Trumbore: Fast, minimum storage ray/triangle intersection (1997), for both sides of the triangle.
 
     Args:
-        corner_and_edges: A corner and the two edges that leave it, shape (9,) in metres.
-        x, y, z: Where the ray starts (m).
-        dx, dy, dz: Its way (m).
+        corner_and_edges: A corner and the two edges from it, shape (9,) in metres.
+        x, y, z: Start of the ray (m).
+        dx, dy, dz: Vector from its start to its end (m).
     """
     ax, ay, az = corner_and_edges[3], corner_and_edges[4], corner_and_edges[5]
     bx, by, bz = corner_and_edges[6], corner_and_edges[7], corner_and_edges[8]
@@ -52,20 +52,20 @@ def cast(
     start: np.ndarray, ends: np.ndarray, triangles: np.ndarray, first: np.ndarray, members: np.ndarray,
     frame: np.ndarray, columns: int, rows: int, shares: np.ndarray,
 ) -> None:
-    """Walk each ray over the cells it passes, seen from above, until a triangle in one of them is met.
+    """Cast rays: each traverses the grid's cells, seen from above, until it hits a triangle.
 
-    Amanatides, Woo: A fast voxel traversal algorithm for ray tracing (1987), in the plane. A triangle may be met behind
-    the cell it was found in: the nearest meeting is the first once it lies before the next cell.
+    Amanatides, Woo: A fast voxel traversal algorithm for ray tracing (1987), in two dimensions. As triangles extend
+    over several cells, a hit counts as the first only if it lies before the next cell.
 
     Args:
-        start: Where all rays begin, shape (3,) in metres.
-        ends: Where they end, shape (B, 3) in metres.
-        triangles: A corner and two edges each, shape (N, 9) in metres.
-        first: Where in `members` the triangles of a cell begin, shape (columns * rows + 1,), row by row.
-        members: Indices of triangles.
-        frame: Lower corner x, y of the cells and their side, shape (3,) in metres.
+        start: Start of all rays, shape (3,) in metres.
+        ends: Their ends, shape (B, 3) in metres.
+        triangles: A corner and two edges of each, shape (N, 9) in metres.
+        first: Offset in `members` of each cell's triangles, row by row, shape (columns * rows + 1,).
+        members: Indices of triangles, by cell.
+        frame: x, y of the grid's lower left corner and the cells' side, shape (3,) in metres.
         columns, rows: Number of cells.
-        shares: Shape (B,): the share of its way each ray went, 1 where it met nothing; filled in place.
+        shares: Fraction of each ray before its first hit, 1 where it hits nothing, shape (B,); filled in place.
     """
     side = frame[2]
     x, y, z = start[0], start[1], start[2]
@@ -87,7 +87,7 @@ def cast(
         column = min(columns - 1, max(0, int(x0 + enter * dx / side)))
         row = min(rows - 1, max(0, int(y0 + enter * dy / side)))
         right, up = (1 if dx > 0.0 else -1), (1 if dy > 0.0 else -1)
-        # Shares of the way at which the next column and the next row begin, and from one to the next.
+        # Fractions of the ray at which the next column and row begin, and per column and row.
         per_column = abs(side / dx) if dx != 0.0 else math.inf
         per_row = abs(side / dy) if dy != 0.0 else math.inf
         next_column = (column + (1 if dx > 0.0 else 0) - x0) * side / dx if dx != 0.0 else math.inf

@@ -1,4 +1,4 @@
-"""URDF files as worlds: the collision geometries of all links, with every joint at zero."""
+"""Reads URDF files as worlds: the collision geometries of all links, with every joint at zero."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ from mbf_relay.simulation.world import World
 
 
 def read_urdf(path: str) -> World:
-    """Return the world of a URDF file; its root link is the world's frame.
+    """Return the world of a URDF file; the root link's frame is the world's.
 
     Raises:
-        ValueError: The file is malformed or refers to a mesh that is missing; the text names both.
+        ValueError: The file is malformed, or a mesh is missing; the text names both.
         OSError: The file cannot be opened.
     """
     try:
@@ -52,7 +52,7 @@ def read_urdf(path: str) -> World:
 
 
 def link_frames(robot: Element) -> Dict[str, Frame]:
-    """Return where each link is in the frame of the root link; ValueError where a joint or a number is malformed."""
+    """Return the pose of each link in the root link's frame; raise ValueError where a joint is malformed."""
     joints = {}
     for joint in robot.findall("joint"):
         parent, child = joint.find("parent"), joint.find("child")
@@ -73,7 +73,7 @@ def link_frames(robot: Element) -> Dict[str, Frame]:
 
 
 def shape_of(geometry: Optional[Element], folder: str) -> Optional[Shape]:
-    """Return the shape of a <geometry>, None where it is none that is known; meshes are looked for from `folder` on.
+    """Return the shape of a <geometry>, None where it is unsupported; `folder` is that of the URDF, for meshes.
 
     Raises:
         ValueError: A number or a mesh is malformed, or the mesh is missing.
@@ -96,7 +96,7 @@ def shape_of(geometry: Optional[Element], folder: str) -> Optional[Shape]:
 
 
 def origin_of(element: Element) -> Frame:
-    """Return the <origin> of an element, or none at all; ValueError where it is malformed."""
+    """Return the <origin> of an element, identity where it has none; raise ValueError where it is malformed."""
     origin = element.find("origin")
     if origin is None:
         return Frame.of(0.0, 0.0)
@@ -104,7 +104,7 @@ def origin_of(element: Element) -> Frame:
 
 
 def numbers_of(element: Element, attribute: str, count: int, default: str = "") -> np.ndarray:
-    """Return the numbers of an attribute, shape (count,), or of `default`; ValueError where it is malformed."""
+    """Return the numbers of an attribute, or of `default`, shape (count,); raise ValueError where it is malformed."""
     text = element.get(attribute, default)
     try:
         values = np.array(text.split(), dtype=float)

@@ -1,4 +1,4 @@
-"""A URDF as what reads a robot off it needs it: places of links with every joint at zero, solids, masses, plugins."""
+"""The contents of a robot's URDF: poses of links with every joint at zero, solids, masses, joints, Gazebo's plugins."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from mbf_relay.simulation.urdf import link_frames, numbers_of, origin_of, shape_
 
 
 class Solid(NamedTuple):
-    """What may be bumped into of a link: its corners, shape (N, 3) in metres, in the base."""
+    """A collision geometry: its link, and its corners, shape (N, 3) in metres, in the base."""
 
     link: str
     corners: np.ndarray
@@ -24,7 +24,7 @@ class Solid(NamedTuple):
 
     @property
     def middle(self) -> np.ndarray:
-        """Between its extremes, shape (3,)."""
+        """Centre of its bounding box, shape (3,) in metres."""
         middle: np.ndarray = 0.5 * (self.corners.min(axis=0) + self.corners.max(axis=0))
         return middle
 
@@ -33,21 +33,25 @@ class Description:
     """A URDF, with every joint at zero.
 
     Attributes:
-        root: Its element.
+        root: The root element.
         first: The root link.
-        base: The link that places are given in, and whose x axis is ahead: what Gazebo's plugin of the drive has for
-            the base, else base_footprint, else base_link, else the root.
-        places: Of all links.
-        solids: Of all links, in their order.
-        masses: Of links (kg), where they are told.
-        joints: By the link that each moves.
-        words: What the plugins of Gazebo say, joints' names among it.
-        plugins: Names of their files.
-        warnings: What is not as it says, for people.
+        base: The link in which poses are given and whose x axis points forward: robotBaseFrame of a Gazebo plugin, else
+            base_footprint, else base_link, else the root link.
+        places: Poses of the links in the base.
+        solids: Collision geometries of all links, in the file's order; visual ones of a link that has no other.
+        masses: Masses (kg) of the links that have one.
+        joints: Elements of the joints, by child link.
+        words: All texts in Gazebo's plugins, among them the joints that they drive.
+        plugins: File names of Gazebo's plugins, separated by spaces.
+        warnings: What is not simulated as described.
     """
 
     def __init__(self, robot: Element, folder: str) -> None:
-        """Read the root of a URDF that lies in a folder; ValueError where it is malformed, or a mesh is missing."""
+        """Read a URDF's root element; `folder` is that of the file.
+
+        Raises:
+            ValueError: It is malformed, or a mesh is missing.
+        """
         if robot.tag != "robot":
             raise ValueError(f"it begins with <{robot.tag}>, and a URDF with <robot>")
         self.root = robot
@@ -74,26 +78,26 @@ class Description:
         self.solids = [solid for link in robot.findall("link") for solid in self._solids(link, folder)]
 
     def movable(self, but: Container[str]) -> Tuple[str, ...]:
-        """Return the names of all joints that may move, but of some."""
+        """Return the names of all movable joints, without mimic joints and those in `but`."""
         names = [
             joint.get("name", "") for joint in self.joints.values()
             if joint.get("type") in ("continuous", "revolute", "prismatic") and joint.find("mimic") is None]
         return tuple(name for name in names if name not in but)
 
     def axis(self, link: str) -> np.ndarray:
-        """Return the axis of the joint that moves a link, shape (3,), in the base."""
+        """Return the axis of a link's joint as a unit vector in the base, shape (3,)."""
         element = self.joints[link].find("axis")
         axis = np.array([1.0, 0.0, 0.0]) if element is None else numbers_of(element, "xyz", 3, "1 0 0")
         turned: np.ndarray = self.places[link].rotation @ (axis / max(float(np.linalg.norm(axis)), 1e-9))
         return turned
 
     def limit(self, link: str, name: str) -> float:
-        """Return a limit of the joint that moves a link; 0 where it has none."""
+        """Return a limit of a link's joint, by its attribute's name; 0 where it has none."""
         element = self.joints[link].find("limit")
         return 0.0 if element is None else float(numbers_of(element, name, 1, "0")[0])
 
     def parent(self, link: str) -> str:
-        """Return the link that another hangs on; empty for the root."""
+        """Return a link's parent; empty for the root."""
         element = self.joints[link].find("parent") if link in self.joints else None
         return "" if element is None else element.get("link", "")
 
@@ -104,7 +108,7 @@ class Description:
                 continue
             try:
                 shape = shape_of(element.find("geometry"), folder)
-            except (ValueError, OSError) as error:  # left out, the robot would be taken for a smaller one
+            except (ValueError, OSError) as error:  # an error, as the robot would be smaller without it
                 raise ValueError(f"link '{name}': {error}") from error
             if shape is None:
                 raise ValueError(f"link '{name}': a <{element.tag}> has a geometry that is not understood")
@@ -113,7 +117,7 @@ class Description:
 
 
 def _is_point(geometry: Optional[Element]) -> bool:
-    """Return whether a shape has no extent, as people give one to what is only to be there."""
+    """Return whether a geometry has a dimension of zero, as dummy links often have."""
     shape = next(iter(geometry), None) if geometry is not None else None
     if shape is None:
         return False

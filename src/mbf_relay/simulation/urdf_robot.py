@@ -1,11 +1,11 @@
-"""A robot out of its URDF, as people have it for Gazebo: what a file of config/robot says, read off links and plugins.
+"""Derives a robot, as a file in config/robot describes one, from a URDF made for Gazebo.
 
-drive, wheels   links that turn about an axis across, or are round and called wheels. Which of them are driven Gazebo's
-                plugin says, else transmissions do, else all are. More axles than one, and none that steers, are taken
-                for one between them, with casters under all: the physics has no tyres that scrub
-body            what may be bumped into of all other links, every joint at zero: each as its outline seen from above
-casters         what else reaches down to the ground; one more where a robot on two wheels would tip over
-lidar, imu      Gazebo's sensors, else links by such names
+drive, wheels   Links with a continuous joint about the y axis, or round links that are named wheels. Driven are those
+                of Gazebo's plugin, else those with transmissions, else all. Several axles without steering (skid steer)
+                become one axle in their middle, with casters below all wheels, as the physics has no sideways slip.
+body            Collision geometries of all other links, with every joint at zero, as prisms on their outlines.
+casters         Small solids that reach down to the ground; more where a robot on two wheels would tip over.
+lidar, imu      Gazebo's sensors, else links with such names.
 """
 
 from __future__ import annotations
@@ -26,36 +26,39 @@ from mbf_relay.simulation.urdf_description import Description, Solid
 from mbf_relay.simulation.urdf_wheels import NEAR_GROUND, Wheel, axles, find_wheels, in_order, two_sides
 
 SPEED, TURN = 0.5, 3.0
-"""Top speed (m/s) and turn rate (rad/s) among people, where no wheel turns slower at most."""
+"""Top speed (m/s) and turn rate (rad/s), a pace for indoors, unless the wheels' joint limits are lower."""
 CASTER, CASTER_MASS = 0.3, 0.02
-"""Radius of a caster, as a share of the driven wheels', and its mass (kg)."""
+"""Radius of a caster relative to the driven wheels', and its mass (kg)."""
 FOOT = 4.0
-"""Extent of what stands on the ground, in radii of the wheels, from which it is body that lies there."""
+"""Extent, in radii of the wheels, from which on a solid that reaches the ground is body and not a caster."""
 ASIDE = 0.001
-"""Way (m) and turn (rad) from the first link to where a robot turns from which these are two frames."""
+"""Distance (m) and angle (rad) from the root link to the turning centre that give the latter a frame of its own."""
 TURNS = "turning_center"
-"""The latter's name."""
+"""Name of that frame."""
 STEPS_PER_SECOND = 120
-"""Of the physics; every rate divides it."""
+"""Default physics_rate, which the lidar's rate must divide."""
 DENSITY = 200.0
-"""Mass (kg) of a cubic metre of what has none told."""
+"""Density (kg/m^3) of links without a mass."""
 LARGEST = 50.0
-"""Length (m) that no robot has."""
+"""Largest size (m) of a robot; larger ones are described in millimetres."""
 THINNEST, SMALLEST = 0.002, 1e-6
-"""Height (m) of a solid at least, and area (m^2) seen from above from which it is one."""
+"""Least height (m) of a part, and the area (m^2) seen from above below which a solid is left out."""
 NARROWEST = 0.6
-"""View (rad) from which a sensor is a lidar."""
+"""Field of view (rad) above which a ray sensor is a lidar, and not a sonar or cliff sensor."""
 SIDEWAYS = re.compile(r"planar_move|mecanum|omni|holonomic", re.IGNORECASE)
+"""Plugins of omnidirectional drives."""
 LIDAR = re.compile(r"laser|lidar|scan|sick|hokuyo|velodyne|(?:^|_)lds", re.IGNORECASE)
+"""Names of lidars' links."""
 IMU = re.compile(r"(?:^|_)imu", re.IGNORECASE)
+"""Names of IMUs' links."""
 
 
 def robot_values(robot: Element, folder: str) -> Tuple[Dict[str, Any], Dict[str, Any]]:
-    """Return what a URDF says of a robot, as `robot_file.robot_of` takes it, and attributes of RobotModel beside that.
+    """Return a robot's values for `robot_file.robot_of`, and further attributes of RobotModel, from a URDF.
 
     Args:
-        robot: The URDF's root.
-        folder: Where it lies, for meshes.
+        robot: The URDF's root element.
+        folder: Folder of the file, for meshes.
 
     Raises:
         ValueError: It has no wheels, no body or no lidar, a mesh is missing, or it is malformed; the text says what.
@@ -74,7 +77,7 @@ def robot_values(robot: Element, folder: str) -> Tuple[Dict[str, Any], Dict[str,
         for solid in others]
     solids = [solid for solid, stands in zip(others, stand) if not stands] or others
     under = [solid.middle for solid, stands in zip(others, stand) if stands]
-    if len(wheels) > 2:  # those beside the two of the physics
+    if len(wheels) > 2:  # the physics of a differential drive has two; the others become body and casters
         solids = solids + [solid for solid in said.solids if solid.link in rolling]
         under += [wheel.place for wheel in wheels]
     parts = list(_parts(said, solids, ground, middle))
@@ -98,10 +101,10 @@ def robot_values(robot: Element, folder: str) -> Tuple[Dict[str, Any], Dict[str,
 
 
 def _base(said: Description, ground: float, middle: np.ndarray) -> Dict[str, Any]:
-    """Return the frame on the ground that a robot turns in: its description's first where that is there, or a new one.
+    """Return the base frame, as attributes of RobotModel: the root link if it is at the turning centre, or a new one.
 
-    Controllers take the base for the point that a robot turns about; of one beside that they would see room where the
-    robot swings aside.
+    Controllers assume that the robot turns about its base frame. With another one they would not see how its far end
+    swings out.
     """
     first = said.places[said.first]
     place = Frame(first.position - (*middle, ground), first.rotation)
@@ -111,7 +114,11 @@ def _base(said: Description, ground: float, middle: np.ndarray) -> Dict[str, Any
 
 
 def _checked(said: Description, drive: str, wheels: List[Wheel], others: List[Solid]) -> np.ndarray:
-    """Return the size of a robot but its wheels, shape (3,) in metres; raise ValueError where it is none."""
+    """Return the size of a robot without its wheels, shape (3,) in metres.
+
+    Raises:
+        ValueError: It has no body, no wheels on both sides, or is too large.
+    """
     if not others:
         raise ValueError("no link but its wheels has a <collision> or <visual> that can be read")
     if drive != OMNIDIRECTIONAL and not all(two_sides(wheels)):
@@ -128,13 +135,13 @@ def _checked(said: Description, drive: str, wheels: List[Wheel], others: List[So
 
 
 def _parts(said: Description, solids: List[Solid], ground: float, middle: np.ndarray) -> Iterator[Dict[str, Any]]:
-    """Yield the entries of `body`: outlines seen from above, as high as the solids are; none for what has no extent.
+    """Yield the entries of `body`: a prism on the convex outline of each solid that has an extent.
 
     Args:
-        said: The URDF; a link's mass is its solids', evenly.
-        solids: Of the body.
+        said: The URDF; a link's mass is divided equally among its solids.
+        solids: The solids of the body.
         ground: Height (m) of the ground in the base.
-        middle: Where base_link is to be, shape (2,).
+        middle: x, y (m) of the simulation's base_link in the base, shape (2,).
     """
     of_link = Counter(solid.link for solid in solids)
     for solid in solids:
@@ -152,12 +159,12 @@ def _parts(said: Description, solids: List[Solid], ground: float, middle: np.nda
 def _casters(
     under: List[np.ndarray], wheels: Dict[str, float], parts: List[Dict[str, Any]], middle: np.ndarray
 ) -> List[Dict[str, Any]]:
-    """Return the group `casters`: what stands at places `under`, and one in front and behind where nothing does.
+    """Return the entries of `casters`: one at each place in `under`, and one in front and behind where there is none.
 
     Args:
-        under: Each of shape (3,), in the base.
-        wheels, parts: The groups `wheels` and `body`.
-        middle: Where base_link is to be, shape (2,).
+        under: Places of casters, each of shape (3,) in metres, in the base.
+        wheels, parts: The entries `wheels` and `body`.
+        middle: x, y (m) of the simulation's base_link in the base, shape (2,).
     """
     places = [(place[:2] - middle).tolist() for place in under]
     ends = np.concatenate([part["polygon"] for part in parts])[:, 0]
@@ -168,7 +175,7 @@ def _casters(
 
 
 def _sensors_of(said: Description, middle: np.ndarray) -> Tuple[Dict[str, Any], str, str]:
-    """Return where lidar and inertial sensor are and what the lidar measures, and the frames of both, or one empty."""
+    """Return values of the lidar and the IMU, and the frames of both; the IMU's is empty where there is none."""
     link, sensor = _lidar(said)
     frame, told, values = said.places[link], "", {}
     if sensor is not None:
@@ -189,9 +196,9 @@ def _sensors(said: Description, kinds: Tuple[str, ...]) -> Iterator[Tuple[str, E
 
 
 def _lidar(said: Description) -> Tuple[str, Optional[Element]]:
-    """Return the lidar's link, and Gazebo's sensor where it has one: of several the first with the fewest layers.
+    """Return the lidar's link, and Gazebo's sensor where there is one: of several, the first with the fewest layers.
 
-    What looks less than NARROWEST far to the sides tells of a cliff, or is a sonar.
+    Sensors with a view up to NARROWEST are cliff sensors or sonars.
     """
     told = _sensors(said, ("ray", "gpu_ray", "lidar", "gpu_lidar"))
     sensors = [one for one in told if np.ptp(_view(one[1])) > NARROWEST]
@@ -203,11 +210,11 @@ def _lidar(said: Description) -> Tuple[str, Optional[Element]]:
             "it has no lidar: no sensor of type ray in a <gazebo> of a link, and no link called laser, lidar or scan; "
             "add such a link where it is")
     holding = {said.parent(name) for name in said.places}
-    return next((name for name in named if name not in holding), named[0]), None  # not its mount
+    return next((name for name in named if name not in holding), named[0]), None  # a leaf, rather than its mount
 
 
 def _beams(said: Description, sensor: Element) -> Dict[str, Any]:
-    """Return what the simulator's parameters of the lidar are for a sensor of Gazebo."""
+    """Return the simulator's parameters of the lidar for a Gazebo sensor."""
     first, last = _view(sensor)
     view = min(2.0 * math.pi, abs(last - first))
     if view < 2.0 * math.pi - 0.1 and abs(first + last) > 0.1:
@@ -231,7 +238,7 @@ def _view(sensor: Element) -> Tuple[float, float]:
 
 
 def _number(element: Element, path: str, default: float) -> float:
-    """Return a finite number that stands somewhere below an element, else the default."""
+    """Return the finite number in the element at `path`, else the default."""
     found = element.find(path)
     try:
         value = float(found.text or "") if found is not None else default

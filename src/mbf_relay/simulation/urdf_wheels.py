@@ -1,4 +1,4 @@
-"""Which links of a URDF are wheels, which of them are driven, and how they stand."""
+"""Finds the wheels of a URDF, which of them are driven or steered, and their arrangement."""
 
 from __future__ import annotations
 
@@ -12,27 +12,28 @@ from mbf_relay.simulation.robot import CAR, OMNIDIRECTIONAL
 from mbf_relay.simulation.urdf_description import Description, Solid
 
 STEERS = 0.6
-"""Angle (rad) by which front wheels swing where their joint has no limit."""
+"""Steering angle (rad) of front wheels whose joint has no limit."""
 ALONG = 0.9
-"""Least share of an axis that counts as across, or as upright."""
+"""Least component of a unit axis along y, or z, to count as parallel to it."""
 ROUND = 0.1
-"""Share of its height by which a wheel may be longer or shorter."""
+"""Largest relative difference between length and height of a wheel."""
 BESIDE = 0.5
-"""Share of the way from the middle to the outermost wheel up to which a wheel is a caster's."""
+"""Lateral offset, relative to the outermost wheel's, up to which a wheel is a caster's."""
 NEAR_GROUND = 0.01
-"""Height (m) up to which something stands on the ground."""
+"""Height (m) above the ground up to which something counts as standing on it."""
 WHEEL = re.compile(r"wheel|tyre|tire", re.IGNORECASE)
+"""Names of wheels' links."""
 
 
 class Wheel(NamedTuple):
-    """A link that rolls.
+    """A wheel.
 
     Attributes:
-        link, joint: Their names.
-        place: Its middle in the base, shape (3,).
+        link, joint: Names of its link and joint.
+        place: Its centre in the base, shape (3,) in metres.
         radius, width: Metres.
-        limit: The joint's (rad/s), 0 for none.
-        steering: The link that swings it within limits, empty where none does.
+        limit: Velocity limit of the joint (rad/s), 0 for none.
+        steering: The link above it with a steering joint, empty where it has none.
     """
 
     link: str
@@ -45,16 +46,16 @@ class Wheel(NamedTuple):
 
 
 def find_wheels(said: Description) -> List[Wheel]:
-    """Return the driven and the steered wheels that stand on the ground; all where nobody says which are driven."""
+    """Return the driven and the steered wheels on the ground; all wheels where it is not said which are driven."""
     found = []
     for link, joint in said.joints.items():
         solids = [solid.corners for solid in said.solids if solid.link == link]
-        if not solids or _upright(said, link, "continuous"):  # what swings freely is a caster's
+        if not solids or _upright(said, link, "continuous"):  # a wheel that swivels freely is a caster's
             continue
         corners = np.concatenate(solids)
         length, width, height = (float(side) for side in np.ptp(corners, axis=0))
         rolls = joint.get("type") == "continuous" and abs(said.axis(link)[1]) >= ALONG
-        if not rolls and not (WHEEL.search(link) and abs(length - height) < ROUND * height):  # one that is only shown
+        if not rolls and not (WHEEL.search(link) and abs(length - height) < ROUND * height):  # with a fixed joint
             continue
         middle = Solid(link, corners).middle
         limit, steering = said.limit(link, "velocity"), _upright(said, link, "revolute")
@@ -71,12 +72,12 @@ def find_wheels(said: Description) -> List[Wheel]:
 
 
 def two_sides(wheels: List[Wheel]) -> Tuple[List[Wheel], List[Wheel]]:
-    """Return those to the left and those to the right."""
+    """Return the wheels on the left and those on the right."""
     return [wheel for wheel in wheels if wheel.place[1] > 0.0], [wheel for wheel in wheels if wheel.place[1] <= 0.0]
 
 
 def in_order(drive: str, wheels: List[Wheel]) -> List[Wheel]:
-    """Return the wheels whose turns the simulation tells, in its order; none where it drives another number."""
+    """Return the wheels whose joints the simulation publishes, in its order; none where it has another number."""
     left, right = two_sides(wheels)
     if drive != OMNIDIRECTIONAL:
         return left[:1] + right[:1]
@@ -85,7 +86,7 @@ def in_order(drive: str, wheels: List[Wheel]) -> List[Wheel]:
 
 
 def _upright(said: Description, link: str, kind: str) -> str:
-    """Return the next link above another that a joint of a kind turns about an upright axis; empty for none."""
+    """Return the nearest ancestor of a link whose joint has a type and a vertical axis; empty for none."""
     link = said.parent(link)
     while link in said.joints:
         if said.joints[link].get("type") == kind and abs(said.axis(link)[2]) > ALONG:
@@ -95,13 +96,17 @@ def _upright(said: Description, link: str, kind: str) -> str:
 
 
 def axles(said: Description, drive: str, wheels: List[Wheel], size: np.ndarray) -> Tuple[Dict[str, float], np.ndarray]:
-    """Return the group `wheels` of a robot's file, and where its base_link is to be: x, y (m) in the base.
+    """Return the entry `wheels` of a robot's file, and x, y (m) of the simulation's base_link in the base, shape (2,).
 
     Args:
         said: The URDF.
         drive: One of DRIVES.
-        wheels: Driven or steered.
-        size: Of the rest, shape (3,) in metres; tells the wheels of what drives sideways and has none.
+        wheels: The driven and the steered wheels.
+        size: Size of the body, shape (3,) in metres, from which wheels are made up for an omnidirectional robot
+            without any.
+
+    Raises:
+        ValueError: All wheels steer, or they steer behind.
     """
     steered = [wheel for wheel in wheels if wheel.steering]
     rolling = [wheel for wheel in wheels if not wheel.steering] if drive == CAR else wheels

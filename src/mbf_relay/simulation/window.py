@@ -1,4 +1,4 @@
-"""PyBullet's window, made ready for watching a robot."""
+"""PyBullet's window: display, camera and colours."""
 
 from __future__ import annotations
 
@@ -10,10 +10,11 @@ from mbf_relay.geometry import Pose2D
 from mbf_relay.simulation.bullet import pybullet
 
 WALLS, ROBOT = (0.55, 0.68, 0.55, 1.0), (0.20, 0.22, 0.30, 1.0)
+"""Colours (RGBA)."""
 
 
 def require_display() -> None:
-    """Raise OSError where there is no display: PyBullet would end the process.
+    """Check for a display, without which PyBullet would end the process.
 
     Raises:
         OSError: There is none; the text says what was tried.
@@ -33,7 +34,7 @@ def require_display() -> None:
 
 
 def tidy(client: int, start: Pose2D) -> None:
-    """Close PyBullet's side panels and look at the start from above and behind."""
+    """Close PyBullet's side panels and point the camera at the start, from behind and above."""
     for panel in (
         pybullet.COV_ENABLE_GUI, pybullet.COV_ENABLE_RGB_BUFFER_PREVIEW, pybullet.COV_ENABLE_DEPTH_BUFFER_PREVIEW,
         pybullet.COV_ENABLE_SEGMENTATION_MARK_PREVIEW,

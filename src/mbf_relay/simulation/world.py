@@ -1,4 +1,4 @@
-"""A world: the solids in it, where the robot starts, and what it is asked to do there."""
+"""A world: its bodies and movers, the robot's start, and the goal."""
 
 from __future__ import annotations
 
@@ -14,23 +14,23 @@ from mbf_relay.simulation.frames import Frame, rotation_from_rpy
 from mbf_relay.simulation.shapes import Body, Shape, cut
 
 SCALES = (0.01, 100.0)
-"""By how much a world can be made smaller or larger."""
+"""Least and largest factor by which a world can be scaled."""
 
 
 def scaled_pose(pose: Pose2D, scale: float) -> Pose2D:
-    """Return the pose at the same place of a world `scale` times as large."""
+    """Return a pose with its position scaled."""
     return Pose2D(scale * pose.x, scale * pose.y, pose.theta)
 
 
 @dataclass(frozen=True)
 class Mover:
-    """A body that follows timed waypoints, for ever from the start again when `loop` is set.
+    """A body that moves along timed waypoints.
 
     Attributes:
-        body: The solid; its frame gives height and tilt, the waypoints place and heading.
+        body: The body; its frame gives height and tilt, the waypoints give position and heading.
         times: Shape (W,) in seconds since the start, rising, the first at 0.
         poses: Shape (W, 3) as x, y, theta in metres and radians.
-        loop: Start again after the last waypoint; else stay there.
+        loop: Whether it jumps to the first waypoint after the last one and starts over; else it stays at the last.
     """
 
     body: Body
@@ -62,7 +62,7 @@ class Mover:
         object.__setattr__(self, "_rotation", None if turns else self._turned(yaws[0]))
 
     def frame_at(self, elapsed: float) -> Frame:
-        """Return where the body is `elapsed` seconds after the start; it turns the shorter way."""
+        """Return the body's frame `elapsed` seconds after the start, interpolated; it turns the shorter way."""
         period = self.times[-1]
         if self.loop and period > 0.0:
             elapsed = elapsed % period
@@ -73,13 +73,13 @@ class Mover:
         return Frame(np.array([x, y, self._level.position[2]]), rotation)
 
     def _turned(self, yaw: float) -> np.ndarray:
-        """Return how the body lies when it has turned by `yaw` (rad)."""
+        """Return the body's rotation matrix at a heading `yaw` (rad)."""
         rotation: np.ndarray = rotation_from_rpy(0.0, 0.0, yaw) @ self._level.rotation
         return rotation
 
 
 def _between(time: float, times: List[float], values: List[float], before: int) -> float:
-    """Return the value at a time, linear from the one `before` it to the next; np.interp takes five times as long."""
+    """Return the value at a time, interpolated between indices `before` and `before` + 1; faster than np.interp."""
     if time >= times[-1]:
         return values[-1]
     slope = (values[before + 1] - values[before]) / (times[before + 1] - times[before])
@@ -88,19 +88,19 @@ def _between(time: float, times: List[float], values: List[float], before: int) 
 
 @dataclass(frozen=True, eq=False)
 class World:
-    """Everything the simulation needs to know of a place; two are the same only if they are one object.
+    """A world; compared and hashed by identity.
 
     Attributes:
-        name: For people.
-        bodies: The solids; the ground, a plane at z = 0, is always there and not among them.
-        start: Where the robot stands at first.
+        name: Name of the world.
+        bodies: The bodies; the ground, a plane at z = 0, is always there and not among them.
+        start: The robot's initial pose.
         movers: Bodies that follow waypoints.
-        goal: Where it is asked to go, where the world says so.
-        goal_radius: Distance (m) from the goal that counts as there.
-        reference_path_length: Length (m) of a good way, for scores.
-        time_limit: Time (s) allowed.
-        map_file: YAML file of the map a robot is given of it, right or wrong; where None, one is drawn of its geometry.
-        warnings: What of its file was not understood or is hardly meant, a line each.
+        goal: The robot's goal, where the world states one.
+        goal_radius: Distance (m) within which the goal counts as reached.
+        reference_path_length: Length (m) of a good path, for scores.
+        time_limit: Time limit (s).
+        map_file: YAML file of the world's map, which may be wrong; where None, a map is drawn from the geometry.
+        warnings: Lines on entries of its file that are unknown or implausible.
     """
 
     name: str
@@ -115,15 +115,15 @@ class World:
     map_file: Optional[str] = None
 
     def fixed_triangles(self) -> Tuple[np.ndarray, np.ndarray]:
-        """Return the surface of everything that never moves.
+        """Return the surface of all fixed bodies.
 
         Returns:
-            Triangles, shape (N, 3, 3) in metres, and shape (N,) the index in `bodies` each belongs to; read-only.
+            Triangles, shape (N, 3, 3) in metres, and the index in `bodies` of each, shape (N,); read-only.
         """
         return _fixed_triangles(self)
 
     def scaled(self, scale: float) -> World:
-        """Return a world `scale` times as large, in which what moves takes as much longer.
+        """Return the world with lengths, and times of movers, multiplied by `scale`.
 
         Raises:
             ValueError: The scale is not between 0.01 and 100.
@@ -143,14 +143,14 @@ class World:
         )
 
     def outline(self, height: float) -> np.ndarray:
-        """Return what a horizontal plane at `height` (m) cuts of the fixed bodies: read-only segments, (M, 2, 2)."""
+        """Return the outline of the fixed bodies at `height` (m): segments, shape (M, 2, 2) in metres, read-only."""
         return _outline(self, height)
 
 
 @lru_cache(maxsize=1)
 def _fixed_triangles(world: World) -> Tuple[np.ndarray, np.ndarray]:
-    """Return World.fixed_triangles; physics, costmaps and figures of one drive ask for the same."""
-    turned: Dict[Tuple[Shape, bytes], np.ndarray] = {}  # the hundreds of one obstacle field are all alike
+    """Return World.fixed_triangles, cached, as several parts of a drive need it."""
+    turned: Dict[Tuple[Shape, bytes], np.ndarray] = {}  # shared by equal shapes, of which obstacle fields have hundreds
     surfaces, counts = [np.empty((0, 3, 3))], []
     fixed = [index for index, body in enumerate(world.bodies) if body.mass == 0.0]
     for index in fixed:
@@ -168,7 +168,7 @@ def _fixed_triangles(world: World) -> Tuple[np.ndarray, np.ndarray]:
 
 @lru_cache(maxsize=1)
 def _outline(world: World, height: float) -> np.ndarray:
-    """Return World.outline; a batch draws each world once for every seed."""
+    """Return World.outline, cached, as a batch drives each world with several seeds."""
     segments = cut(world.fixed_triangles()[0], height)[0]
     segments.setflags(write=False)
     return segments

@@ -1,4 +1,4 @@
-"""The map of a world, drawn from its geometry as a lidar would have found it from where the robot starts."""
+"""Draws the occupancy map of a world from its geometry, as a robot would map it from its start."""
 
 from __future__ import annotations
 
@@ -16,28 +16,27 @@ from mbf_relay.simulation.world import World
 from mbf_relay.simulation.world_map_kernels import flood
 
 SCAN_HEIGHT = 0.182
-"""Height (m) of the cut where none is given: that at which a TurtleBot3 burger's lidar looks."""
+"""Default height (m) of the cut: that of a TurtleBot3 burger's lidar."""
 
 ENOUGH = 0.25
-"""Length of surface, in cells, that makes a cell occupied: a corner that is barely clipped stays free."""
+"""Length of outline in a cell, relative to its side, above which it is occupied; a cell barely touched stays free."""
 SAMPLES, AT_ONCE = 20.0, 1 << 18
-"""Points looked at in a cell's length of surface, and about how many are held in memory."""
+"""Sample points per cell length of outline, and about how many are processed at once, to bound memory."""
 
 
 def map_of_world(world: World, grid: Grid, height: float = SCAN_HEIGHT) -> OccupancyMap:
-    """Return the map of a world as it stands at first, what can be pushed included.
+    """Return the map of a world in its initial state, loose bodies included.
 
-    Cells that hold a piece of a surface which free space reaches are occupied; what can be reached from the start
-    without crossing a surface is free; the rest, inside of solids and behind walls, is unknown, as in a map that a
-    robot made.
+    Cells that are connected with the start are free, cells with a surface next to free ones are occupied, and all
+    others, inside bodies and behind walls, are unknown.
 
     Args:
         world: The world.
-        grid: Where the map lies.
-        height: Of the cut (m).
+        grid: The map's grid.
+        height: Height at which the world is cut (m).
 
     Raises:
-        ValueError: The robot's start lies off the grid, or in a wall or another solid.
+        ValueError: The robot's start is outside of the grid, or inside a wall or another body.
     """
     standing = _standing(world)
     walls = _cells_crossed(standing.outline(height), grid)
@@ -59,7 +58,7 @@ def map_of_world(world: World, grid: Grid, height: float = SCAN_HEIGHT) -> Occup
 
 
 def grid_around(world: World, resolution: float, margin: float = 1.0, height: float = SCAN_HEIGHT) -> Grid:
-    """Return a grid that holds the whole world, its start and its goal, with `margin` metres around it."""
+    """Return a grid that covers the outline at `height` (m), start and goal, with `margin` metres around them."""
     places = [pose[:2] for pose in (world.start, world.goal) if pose is not None]
     points = np.concatenate((_standing(world).outline(height).reshape(-1, 2), places))
     lower = np.floor((points.min(axis=0) - margin) / resolution) * resolution
@@ -68,14 +67,14 @@ def grid_around(world: World, resolution: float, margin: float = 1.0, height: fl
 
 
 def _standing(world: World) -> World:
-    """Return a world whose loose bodies are fixed where they stand."""
+    """Return the world with its loose bodies fixed, so that they are part of its outline."""
     if not any(body.mass for body in world.bodies):
         return world
     return replace(world, bodies=tuple(replace(body, mass=0.0) for body in world.bodies))
 
 
 def _starts_inside(world: World, height: float) -> bool:
-    """Return whether the robot starts within a box, cylinder or sphere; a mesh may be a hall, seen from within."""
+    """Return whether the start is inside a box, cylinder or sphere; meshes do not count, as they may be buildings."""
     triangles, owners = world.fixed_triangles()
     segments, whose = cut(triangles, height)
     crossed = crosses_positive_x_axis(segments - np.array(world.start[:2]))
@@ -84,7 +83,7 @@ def _starts_inside(world: World, height: float) -> bool:
 
 
 def _cells_crossed(segments: np.ndarray, grid: Grid) -> np.ndarray:
-    """Return which cells hold enough of the segments (M, 2, 2), shape (height, width) bool."""
+    """Return which cells contain ENOUGH length of the segments (M, 2, 2), shape (height, width) bool."""
     held = np.zeros(grid.width * grid.height)
     ways = segments[:, 1] - segments[:, 0]
     lengths = np.linalg.norm(ways, axis=1)

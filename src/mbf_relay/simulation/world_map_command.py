@@ -1,4 +1,4 @@
-"""Command line of `world_to_map.py`: the map of a world, as map_server reads it."""
+"""The world_to_map command: draws the map of a world, in map_server's format."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from mbf_relay.simulation.worlds import load_world
 
 
 def main(arguments: Optional[List[str]] = None) -> int:
-    """Write the map and return the exit status: 0, or 1 after an error, said in one line."""
+    """Write the map; return the exit status: 0, or 1 after an error, which is printed as one line."""
     options = _parser().parse_args(arguments)
     try:
         if not FINEST <= options.resolution <= COARSEST:

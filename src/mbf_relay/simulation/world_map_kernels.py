@@ -1,5 +1,5 @@
 # mypy: allow-untyped-defs, allow-untyped-calls
-"""What can be reached on a map without crossing a wall."""
+"""Flood fill on a map."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from mbf_relay.kernels import kernel
 
 @kernel("void(uint8[:,::1], int64, int64)")
 def flood(cells, column, row):
-    """Set the cells that hold 1 to 2 where they are connected with a cell, side by side, that cell included.
+    """Fill the 4-connected region of cells with value 1 around a cell with value 2.
 
     Args:
-        cells: Shape (height, width), 0 and 1; filled with 2 where it is reached.
-        column, row: Of a cell that holds 1.
+        cells: Values 0 and 1, shape (height, width); changed in place.
+        column, row: A cell with value 1.
     """
     height, width = cells.shape
     waiting = np.empty(1024, np.int64)

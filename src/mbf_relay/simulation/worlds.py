@@ -1,4 +1,4 @@
-"""Worlds by name or file."""
+"""Loads worlds by name or file."""
 
 from __future__ import annotations
 
@@ -37,14 +37,14 @@ def load_world(text: str, world_name: str = "") -> World:
     Args:
         text: "arena", "empty", or the path of a map's YAML file, an SDF or Gazebo world, a URDF, or a worlds file
             (JSON).
-        world_name: Which one, in a file of several; of others their own name, where it is given.
+        world_name: Name of the world in a file of several, the first where empty; elsewhere, empty or the world's name.
 
     Raises:
         ValueError: There is no such world, or the file is malformed; the text names it.
         OSError: The file cannot be opened.
     """
     world = _load(text, world_name)
-    if world_name not in ("", text, world.name):  # whoever asks for one is not to drive through another
+    if world_name not in ("", text, world.name):
         raise ValueError(f"world '{text}' has no world '{world_name}'; it is one alone, named '{world.name}'")
     return world
 
@@ -62,5 +62,5 @@ def _load(text: str, world_name: str) -> World:
         raise ValueError(f"world file {os.path.abspath(text)} does not exist")
     try:
         return leveled(READERS[ending](text, world_name))
-    except (RecursionError, LookupError, TypeError, AttributeError, ArithmeticError) as error:  # a file nobody foresaw
+    except (RecursionError, LookupError, TypeError, AttributeError, ArithmeticError) as error:  # unforeseen content
         raise ValueError(f"world file {text} is malformed: {type(error).__name__}: {error}") from error

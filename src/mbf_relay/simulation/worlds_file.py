@@ -1,5 +1,4 @@
-"""Worlds files: many worlds of simple solids in one JSON file, with where to start, where to go, and what moves there.
-"""
+"""Reads worlds files: JSON files with many worlds of cylinders, boxes and movers, with start and goal."""
 
 from __future__ import annotations
 
@@ -31,8 +30,11 @@ KNOWN = {
     "difficulty",
     "map",
 }
+"""Entries of a world."""
 KNOWN_OF_MOVERS = {"name", "radius", "height", "box", "waypoints", "loop"}
+"""Entries of a mover."""
 ORANGE = (0.85, 0.45, 0.20, 1.0)
+"""Colour (RGBA) of movers."""
 
 
 def load_worlds_file(path: Path) -> List[World]:
@@ -40,9 +42,9 @@ def load_worlds_file(path: Path) -> List[World]:
 
     The file holds `worlds`, a list of {name, cylinders: [[x, y, radius, height], ...], boxes: [[x, y, yaw, length,
     width, height], ...], start: [x, y, yaw], goal: [x, y, yaw], goal_radius, reference_path_length, time_limit,
-    movers, map}; all but name and start may be left out, the radius is 1 m then. `movers` is a list of {name, radius
-    and height or box: [length, width, height], waypoints: [[time, x, y], ...] or [[time, x, y, yaw], ...], loop}; `map`
-    the YAML file of a map, beside the worlds file. Metres, radians, seconds.
+    movers, map}; all but name and start are optional, and goal_radius is 1 m by default. `movers` is a list of {name,
+    radius and height or box: [length, width, height], waypoints: [[time, x, y], ...] or [[time, x, y, yaw], ...],
+    loop}; `map` is the YAML file of a map, relative to the worlds file. Metres, radians, seconds.
 
     Raises:
         ValueError: The file is missing or malformed; the text names file, world and entry.
@@ -70,7 +72,7 @@ def _entries(path: Path) -> List[Any]:
 
 
 def load_difficulties(path: Path) -> Dict[str, Dict[str, float]]:
-    """Return the measures a file states of its worlds under `difficulty`, by name; errors as for `load_worlds_file`."""
+    """Return the measures in each world's `difficulty`, by world and name; errors as for `load_worlds_file`."""
     stated = {entry.get("name"): entry.get("difficulty") for entry in _entries(path) if isinstance(entry, Mapping)}
     return {
         name: {key: float(value) for key, value in values.items() if _is_number(value)}
@@ -91,8 +93,8 @@ def world_of(path: Path, index: int, entry: Any) -> World:
 
     Args:
         path: The file.
-        index: Of the entry in it.
-        entry: See `load_worlds_file`.
+        index: Index of the entry in it.
+        entry: The entry; see `load_worlds_file`.
 
     Raises:
         ValueError: It is malformed; the text names file, world and entry.
@@ -123,7 +125,7 @@ def world_of(path: Path, index: int, entry: Any) -> World:
 
 
 def _not_understood(name: str, entry: Mapping[str, Any]) -> Iterator[str]:
-    """Yield a line for each thing that an entry, or a mover of it, says and nobody reads."""
+    """Yield a warning for each unknown key of an entry or of its movers."""
     yield from (f"'{key}' of world {name} is not understood" for key in entry if key not in KNOWN)
     for index, mover in enumerate(entry.get("movers", [])):
         unknown = (key for key in mover if key not in KNOWN_OF_MOVERS)
@@ -131,7 +133,7 @@ def _not_understood(name: str, entry: Mapping[str, Any]) -> Iterator[str]:
 
 
 def _hardly_meant(world: World, boxes: Sequence[Sequence[float]]) -> Iterator[str]:
-    """Yield a line for each thing that a world and the boxes of its entry say and cannot be, or hardly, as they say."""
+    """Yield a warning for each implausible value: yaws in degrees, a reference path shorter than the straight line."""
     yaws = {"the start": [world.start.theta], "the goal": [world.goal.theta] if world.goal is not None else [],
             "a box": [box[2] for box in boxes]}
     for what, values in yaws.items():
