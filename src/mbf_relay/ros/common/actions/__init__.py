@@ -1,1 +1,1 @@
-"""Both ends of an action: goals that survive a clock that stands or is set back, and end with whoever wants them."""
+"""Action client and server by actionlib's protocol, timed by the wall clock; goals end when their client is gone."""

@@ -1,7 +1,7 @@
-"""An action client that is ready before it sends, and that notices on the wall clock when its server is gone.
+"""An action client that notices by the wall clock when its server is gone.
 
-What happens to goals is in `client_goals`, whether the server is there in `server_watch`; here are the topics. `check`
-does the watching; whoever waits calls it, a few times a second.
+`client_goals` keeps the goals, `server_watch` tells whether the server is there; this module has the topics. `check`
+has to be called a few times a second, which methods that wait do themselves.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from mbf_relay.ros.common.actions.client_goals import ActionEnding, ClientGoals,
 from mbf_relay.ros.common.actions.server_watch import ServerWatch
 
 STRANGERS_PERIOD = 10.0
-"""Seconds between two warnings of a node that speaks as the server."""
+"""Seconds between two warnings of a node that publishes feedback or results without being the server."""
 
 
 class ActionClient:
@@ -33,7 +33,8 @@ class ActionClient:
             action_type: Its generated `...Action` message.
             acknowledge_timeout: Wall time (s) after which a goal the server never acknowledged is LOST.
             silence_timeout: Wall time (s) of a connected server's silence after which it counts as gone.
-            leased: Whether goals end with this client; it then must call `check` every 0.2 s at the latest.
+            leased: Whether goals are leased (see `goal_lease`), so that they end with this client; `check` must then be
+                called every 0.2 s.
         """
         action = action_type()
         self.name = rospy.resolve_name(name)
@@ -48,7 +49,7 @@ class ActionClient:
             self._keep_up,
         )
         options = {"queue_size": 100, "tcp_nodelay": True}
-        # before the goals' topic: a server that can take goals then knows of leases, if it ever will
+        # before the goals' topic, so that it is connected when goals can be sent, if the server supports leases
         self._lease_publisher = rospy.Publisher(f"{self.name}/lease", GoalID, **options) if leased else None
         self._cancel_publisher = rospy.Publisher(f"{self.name}/cancel", GoalID, **options)
         self._goal_publisher = rospy.Publisher(f"{self.name}/goal", type(action.action_goal), **options)
@@ -69,7 +70,7 @@ class ActionClient:
 
     @property
     def server_silence(self) -> float:
-        """Wall time (s) since the server's last word, infinite before the first."""
+        """Wall time (s) since the server's last status message or answer, infinite before the first."""
         return self._watch.silence
 
     @property
@@ -105,23 +106,22 @@ class ActionClient:
         return self._goals.send(goal, on_feedback, on_end)
 
     def cancel_all(self) -> None:
-        """Ask the server to cancel every goal of this client's that has not ended; for a program that is interrupted.
-        """
+        """Ask the server to cancel all goals of this client that have not ended."""
         self._goals.cancel_all()
 
     def check(self) -> None:
-        """Renew leases, send again what was not acknowledged, end what no server answers for any more."""
+        """Renew leases, resend goals that were not acknowledged, and end goals as LOST where the server is gone."""
         self._goals.check(self._watch.why_lost(time.monotonic()))
 
     def close(self) -> None:
-        """Leave the action."""
+        """Unsubscribe and unadvertise all topics."""
         self._watch.close()
         for link in (*self._subscribers, self._goal_publisher, self._cancel_publisher, self._lease_publisher):
             if link is not None:
                 link.unregister()
 
     def _take_from_server(self, message: Any, take: Callable[[Any], None]) -> None:
-        """Hand on what the server says; what others say in its name is no end of a goal."""
+        """Pass on a message of this client's goals if it is the server's; warn of other publishers."""
         if not self._goals.knows(message.status.goal_id.id):
             return
         if self._watch.is_from_server(message):
@@ -139,7 +139,7 @@ class ActionClient:
 
     @property
     def takes_leases(self) -> bool:
-        """Whether goals are to be leased and the server knows of leases."""
+        """Whether goals are to be leased and the server supports that."""
         return self._lease_publisher is not None and self._lease_publisher.get_num_connections() > 0
 
     def publish_goal(self, message: Any) -> None:

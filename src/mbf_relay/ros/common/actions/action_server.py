@@ -1,9 +1,9 @@
-"""An action server on the wall clock, by actionlib's protocol.
+"""An action server by actionlib's protocol, timed by the wall clock.
 
-Own code, because actionlib's times its status with rospy.Timer, which stops for good when the ROS clock is set back,
-keeps finished goals for ever while that clock stands, lets them begin anew, and never notices that a client is gone.
-The goals themselves are kept by `goal_tracker`; here are the topics, sent without waiting (TCP_NODELAY), and the thread
-that repeats the status.
+It replaces actionlib's, which publishes its status by rospy.Timer, and that stops for good when the ROS clock is set
+back; which keeps finished goals for ever while that clock stands still, can start them a second time, and never notices
+that a client is gone. `goal_tracker` keeps the goals; this module has the topics (TCP_NODELAY) and the thread that
+repeats the status.
 """
 
 from __future__ import annotations
@@ -22,39 +22,39 @@ from mbf_relay.ros.common.actions.goal_tracker import FIRST_WORD, GoalTracker, T
 from mbf_relay.ros.common.connected_nodes import connected_nodes
 
 STATUS_PERIOD = 0.2
-"""Wall time (s) between status messages where nothing happens: actionlib's 5 Hz."""
+"""Wall time (s) between status messages without changes: actionlib's 5 Hz."""
 LOOK_PERIOD = 0.1
-"""Wall time (s) between two looks at leases, and at a status that waits to be told."""
+"""Wall time (s) between two calls of `look`, which checks leases and publishes a delayed status."""
 STATUSES_PER_SECOND = 2000.0
-"""Goals' states told in a second where much happens: what a client in Python takes in beside its work."""
+"""Largest rate at which states of goals are published: as many as a Python client can handle beside its work."""
 MANY = 10000
-"""Results that may wait for a slow client."""
+"""Queue size for results."""
 LATE = 5.0
-"""Wall time (s) by which a client's connection for results may come after the one for its goals."""
+"""Wall time (s) for which results are kept for a client whose connection to the result topic is late."""
 
 
 class _LateComers(rospy.SubscribeListener):
-    """Sends results of just now to a client whose connection for them stood only after they were sent.
+    """Sends recent results to a client whose connection to the result topic was established only after they were sent.
 
-    A subscriber counts its connection as soon as it has asked for it; on a busy machine the publisher may be a second
-    behind, and a goal that ends at once would have no result for its client.
+    A subscriber counts a connection once it has requested it. On a busy machine the publisher may be a second behind,
+    and the result of a goal that ends at once would not reach its client.
     """
 
     def __init__(self) -> None:
         self._sent: Deque[Tuple[float, Any]] = collections.deque(maxlen=MANY)
 
     def note(self, message: Any) -> None:
-        """Keep a result that is sent now."""
+        """Keep a result that is being published."""
         self._sent.append((time.monotonic(), message))
 
     def forget(self) -> None:
-        """Let go of what was sent too long ago; call now and then, whether or not anything is sent."""
+        """Drop results older than LATE; call regularly."""
         oldest = time.monotonic() - LATE
         while self._sent and self._sent[0][0] < oldest:
             self._sent.popleft()
 
     def peer_subscribe(self, topic_name: str, topic_publish: Any, peer_publish: Callable[[Any], None]) -> None:
-        """Send what was sent lately to who has come now."""
+        """Send the recent results to a new subscriber."""
         oldest = time.monotonic() - LATE
         for sent_at, message in list(self._sent):
             if sent_at >= oldest:
@@ -62,12 +62,12 @@ class _LateComers(rospy.SubscribeListener):
 
 
 class ActionServer:
-    """Serves one action; constructor and use as actionlib's, with auto_start off.
+    """Serves one action; constructor and use are those of actionlib.ActionServer with auto_start=False.
 
     Attributes:
-        lock: The one lock of the server: goal and cancel callbacks run under it, goals take it.
-        is_stopped: Whether it has left the topics for good.
-        tells_of_goals: Whether its last status told of any, be it that they ended lately.
+        lock: The server's only lock, re-entrant; goal and cancel callbacks run with it held.
+        is_stopped: Whether `stop` was called.
+        tells_of_goals: Whether its last status message had any goals, those that ended lately included.
     """
 
     def __init__(
@@ -79,11 +79,12 @@ class ActionServer:
         """Make a server, not yet advertised.
 
         Args:
-            name, action_type, goal_cb, cancel_cb: As actionlib's.
-            recalled: Makes the result of a goal whose cancel came before it, where that is not an empty one.
-            client_timeout: Wall time (s) after which the goals of a client that disconnected end; 0 for never.
-            overtaken_cb: Called with a goal whose cancel came before it, before that goal ends.
-            is_alive: Tells whether what carries out goals works; while it does not, no status is told.
+            name, action_type, goal_cb, cancel_cb: As for actionlib.ActionServer.
+            recalled: Returns the result of a goal whose cancel arrived before it; an empty one where None.
+            client_timeout: Wall time (s) after which the goals of a disconnected client are cancelled; 0 for never.
+            overtaken_cb: Called with a goal whose cancel arrived before it, before the goal is ended.
+            is_alive: Returns whether goals are being processed; while not, no status is published, so that clients
+                notice.
         """
         action = action_type()
         self._name, self._client_timeout = name, client_timeout
@@ -102,11 +103,11 @@ class ActionServer:
         self._trouble = ""  # of the last message that could not be written
 
     def start(self) -> None:
-        """Open the topics and begin to tell the status."""
+        """Advertise the topics and start to publish the status."""
         start_together([self])
 
     def open(self) -> None:
-        """Open the topics; who calls this has `look` called from then on."""
+        """Advertise the topics; the caller then has to call `look` regularly."""
         name = rospy.remap_name(self._name)
         queue = rospy.get_param("actionlib_server_pub_queue_size", 50)
         queue = queue if queue > 0 else 50
@@ -117,17 +118,17 @@ class ActionServer:
             self._result = publisher(
                 f"{name}/result", self._result_type, self._late_comers, queue_size=results, tcp_nodelay=True)
             self._feedback = publisher(f"{name}/feedback", self._feedback_type, queue_size=queue, tcp_nodelay=True)
-            # renewals first: who can send goals can renew them
+            # renewals first, so that a client which can send goals can also renew them
             renewals = subscriber(f"{name}/lease", GoalID, lambda m: self.goals.renew(m.id), tcp_nodelay=True)
             self._cancel_link = subscriber(f"{name}/cancel", GoalID, self.goals.take_cancel, tcp_nodelay=True)
-            # goals last: who the master knows to take them serves all the rest (see server_watch.check_alone)
+            # goals last, so that a node registered for them has all other topics (see server_watch.check_alone)
             self._goal_link = subscriber(f"{name}/goal", self._goal_type, self._take_goal, tcp_nodelay=True)
             self._links = [self._status, self._result, self._feedback, renewals, self._cancel_link, self._goal_link]
             self._publishes = True
             self.publish_status()
 
     def stop(self) -> None:
-        """Leave the topics."""
+        """Publish what is pending and unadvertise the topics."""
         with self.lock:
             self.goals.speak()
             self._publishes, self.is_stopped = False, True
@@ -135,9 +136,9 @@ class ActionServer:
                 link.unregister()
 
     def publish_result(self, status: GoalStatus, result: Any) -> None:
-        """Send a goal's result.
+        """Publish a goal's result; where it cannot be serialized, an empty one with the goal ABORTED.
 
-        One that cannot be written would leave its client waiting for ever: the goal is aborted then, with an empty one.
+        Without any result the client would wait for ever.
         """
         message = self._result_type(status=status, result=result)
         message.header.stamp = rospy.get_rostime()
@@ -149,13 +150,13 @@ class ActionServer:
             self._publish(self._result, message)
 
     def publish_feedback(self, status: GoalStatus, feedback: Any) -> None:
-        """Send feedback of a goal."""
+        """Publish feedback of a goal."""
         message = self._feedback_type(status=status, feedback=feedback)
         message.header.stamp = rospy.get_rostime()
         self._publish(self._feedback, message)
 
     def publish_status(self) -> None:
-        """Send the goals at hand and those finished lately."""
+        """Publish the status of all goals that have not ended, and of those that ended lately."""
         with self.lock:
             self._told_at = time.monotonic()
             self._changed = False
@@ -166,7 +167,7 @@ class ActionServer:
             self._publish(self._status, message)
 
     def status_changed(self) -> None:
-        """Tell the new status: at once, or where it is long and was told just now, a moment later."""
+        """Publish the status at once, or, where it is long and was published just now, a moment later by `look`."""
         with self.lock:
             if not self._publishes:
                 return
@@ -180,13 +181,13 @@ class ActionServer:
         self.goals.take_goal(message.goal_id, message.goal, client)
 
     def _publish(self, publisher: Any, message: Any) -> str:
-        """Send a message; returns why it cannot be written, empty where it can."""
+        """Publish a message; return why it cannot be serialized, empty where it can."""
         try:
             if self._publishes and not rospy.is_shutdown():
                 publisher.publish(message)
         except Exception as error:
             closed = isinstance(error, rospy.ROSException) and not isinstance(error, rospy.ROSSerializationException)
-            if not closed:  # as rospy does with topics from another thread when the node ends
+            if not closed:  # rospy closes topics from another thread when the node ends
                 trouble = as_told(f"{type(error).__name__}: {error}")
                 if trouble != self._trouble:
                     rospy.logerr("%s cannot be sent on %s: %s", type(message).__name__, publisher.name, trouble)
@@ -195,7 +196,7 @@ class ActionServer:
         return ""
 
     def look(self) -> None:
-        """Look at leases, and tell the status where it is time; call every LOOK_PERIOD."""
+        """Check leases, and publish the status where it is due; call every LOOK_PERIOD."""
         self.goals.look(self._is_connected, self._client_timeout)
         self._late_comers.forget()
         if self._is_alive() and time.monotonic() - self._told_at >= (self._wait if self._changed else STATUS_PERIOD):
@@ -207,7 +208,7 @@ class ActionServer:
 
 
 def start_together(servers: Sequence[ActionServer]) -> None:
-    """Start servers of one node; one thread tells the status of all, as what waking one costs is most of the work."""
+    """Start several servers of a node with one thread for all, as waking a thread is most of the work."""
     for server in servers:
         server.open()
     threading.Thread(target=_keep_telling, args=(servers,), name="status of actions", daemon=True).start()
@@ -221,6 +222,6 @@ def _keep_telling(servers: Sequence[ActionServer]) -> None:
                 server.look()
         tell = any(server.tells_of_goals for server in servers)
         if told and not tell:
-            give_back_free()  # what goals took: nobody waits for this node any more, and nobody yet
+            give_back_free()  # memory of goals, returned now as no client is waiting
         told = tell
         time.sleep(LOOK_PERIOD)

@@ -1,8 +1,8 @@
-"""A client's goals: known before they leave, sent until heard of, renewed while wanted, each ended exactly once.
+"""The goals of an action client: resent until acknowledged, leases renewed, each ended exactly once.
 
-The part of an action client that knows neither topics nor threads; `action_client` connects it. Own code, because
-actionlib's clients send before they remember, count on the ROS clock, which may stand, and learn of a server's death
-only from status messages, which a dead server does not send.
+This part knows neither topics nor threads; `action_client` connects it. It replaces actionlib's clients, which publish
+a goal before they register it, use the ROS clock, which may stand still, and learn of the end of goals only from status
+messages, which a dead server does not send.
 """
 
 from __future__ import annotations
@@ -21,8 +21,9 @@ from mbf_relay.ros.common.actions import goal_lease
 TERMINAL = frozenset(
     (GoalStatus.PREEMPTED, GoalStatus.SUCCEEDED, GoalStatus.ABORTED, GoalStatus.REJECTED, GoalStatus.RECALLED)
 )
+"""States in which a goal has ended."""
 RESEND_AFTER = 1.0
-"""Wall time (s) without acknowledgement after which a goal, or its cancel where it is called off, is sent again."""
+"""Wall time (s) without acknowledgement after which a goal, or the cancel of a cancelled one, is sent again."""
 RESULT_PATIENCE = 2.0
 """Wall time (s) to wait for the result of a goal whose status is already terminal."""
 
@@ -31,8 +32,8 @@ class ActionEnding(NamedTuple):
     """How a goal ended at the server.
 
     Attributes:
-        status: One of actionlib_msgs/GoalStatus' terminal states; LOST where no server answers for it any more.
-        text: The server's status text, or what was lost.
+        status: A terminal state of actionlib_msgs/GoalStatus; LOST where the server is gone or has lost the goal.
+        text: The server's status text, or why it is LOST.
         result: The action's result message, None where there is none.
     """
 
@@ -42,11 +43,11 @@ class ActionEnding(NamedTuple):
 
 
 class GoalLinks(Protocol):
-    """The way to a server."""
+    """What ClientGoals needs of the topics."""
 
     @property
     def takes_leases(self) -> bool:
-        """Whether the server ends goals that are not renewed."""
+        """Whether goals are to be leased and the server supports that."""
 
     def publish_goal(self, message: Any) -> None:
         """Send a goal message."""
@@ -59,11 +60,13 @@ class GoalLinks(Protocol):
 
 
 class SentGoal:
-    """A goal on its way, made by `ClientGoals.send`.
+    """A goal that was sent, made by `ClientGoals.send`.
 
     Attributes:
-        goal_id: The id it was given.
+        goal_id: Its id.
         ending: How it ended, None before.
+        acknowledged: Whether a status message has listed it.
+        ended_without_result: Wall time (s) and status where the status is terminal and the result has not come yet.
     """
 
     def __init__(self, owner: ClientGoals, message: Any, on_feedback: Any, on_end: Any, now: float) -> None:
@@ -77,7 +80,7 @@ class SentGoal:
         self._done = threading.Event()
 
     def cancel(self) -> None:
-        """Ask the server to cancel this goal, and renew it no more; may be repeated."""
+        """Ask the server to cancel this goal, and stop renewing its lease; may be repeated."""
         self.is_cancelled = True
         self._owner.cancel(self.goal_id)
 
@@ -90,10 +93,9 @@ class SentGoal:
         return self.ending
 
     def finish(self, ending: ActionEnding) -> None:
-        """Note how it ended and tell whoever sent it; called once, by the client.
+        """Set its ending and call `on_end`; called once, by the client.
 
-        It lets go of the callbacks: who is called often knows the goal, and each would keep the other until the
-        collector comes.
+        The callbacks are dropped, as they often refer to the goal, and a reference cycle would keep both in memory.
         """
         self.ending, on_end = ending, self.on_end
         self.on_feedback = self.on_end = None
@@ -109,7 +111,7 @@ class ClientGoals:
     """
 
     LIFE = uuid.uuid4().hex[:8]
-    """Tells this process' goals from those of an earlier one of the same name."""
+    """Part of the goal ids that is different for each process, so that an earlier process' goals are recognized."""
     _numbers = itertools.count(1)
 
     def __init__(
@@ -121,14 +123,14 @@ class ClientGoals:
 
         Args:
             name: The action's name.
-            node: This node's name, by which goals of an earlier life are known.
-            goal_type: The action's goal message with its id.
-            links: The way to the server.
+            node: This node's name, with which goal ids begin.
+            goal_type: The action's generated `...ActionGoal` message.
+            links: Publishes to the server.
             acknowledge_timeout: Wall time (s) after which a goal the server never acknowledged is LOST.
             clock: Gives wall time (s).
-            ros_now: Gives ROS time, as a message has it.
-            keep_up: Has `check` called for somebody who waits, and returns whether waiting makes sense.
-            life: Tells this process' goals from those of an earlier one.
+            ros_now: Gives ROS time as rospy.Time.
+            keep_up: Called by `SentGoal.wait` while it waits; calls `check` and returns whether to wait on.
+            life: See LIFE.
         """
         self.name = name
         self._node, self._life, self._goal_type, self._links = node, life, goal_type, links
@@ -164,13 +166,12 @@ class ClientGoals:
         self._links.publish_cancel(GoalID(id=goal_id))
 
     def cancel_all(self) -> None:
-        """Ask the server to cancel every goal of this client's that has not ended; for a program that is interrupted.
-        """
+        """Ask the server to cancel all goals of this client that have not ended."""
         for sent in self._open():
             sent.cancel()
 
     def check(self, lost: Optional[str] = None) -> None:
-        """Renew what is wanted, send again what was not acknowledged, end what is lost. Call every 0.1 s or so.
+        """Renew leases, resend goals that were not acknowledged, end lost ones; call about every 0.1 s.
 
         Args:
             lost: Why the server is gone; None where it is not.
@@ -189,7 +190,7 @@ class ClientGoals:
                     self._press(sent, now)
 
     def take_status(self, message: GoalStatusArray) -> None:
-        """Take a status message: cancel what an earlier life of this node left, and note how goals stand."""
+        """Take a status message: cancel goals that an earlier process of this node left, and update this one's."""
         listed = {status.goal_id.id: status for status in message.status_list}
         for goal_id, status in listed.items():
             made_here = self._own_id.match(goal_id)
@@ -200,7 +201,7 @@ class ClientGoals:
             status = listed.get(sent.goal_id)
             if status is not None:
                 sent.acknowledged = True
-                if status.status == GoalStatus.RECALLING:  # of a goal that got lost the server knows the cancel alone
+                if status.status == GoalStatus.RECALLING:  # the goal was lost, and the server has its cancel alone
                     self._resend(sent, self._clock(), sent.message)
                 if status.status in TERMINAL and sent.ended_without_result is None:
                     sent.ended_without_result = (self._clock(), status)
@@ -223,7 +224,7 @@ class ClientGoals:
             self._end(sent, ActionEnding(message.status.status, message.status.text, message.result))
 
     def knows(self, goal_id: str) -> bool:
-        """Return whether a goal of this client's has that id and has not ended."""
+        """Return whether a goal of this client has that id and has not ended."""
         return goal_id in self._goals
 
     @property
@@ -236,16 +237,16 @@ class ClientGoals:
             return list(self._goals.values())
 
     def _press(self, sent: SentGoal, now: float) -> None:
-        """Send an unacknowledged goal once more, or give it up."""
+        """Resend an unacknowledged goal, or end it as LOST."""
         if now - sent.sent_at > self._acknowledge_timeout:
             text = f"action server {self.name} did not acknowledge the goal within {self._acknowledge_timeout:g} s"
             self._end(sent, ActionEnding(GoalStatus.LOST, text))
         else:
-            # Sent again, a goal that is called off would be driven for until its cancel comes.
+            # A cancelled goal is not sent again: the robot would drive until the cancel comes.
             self._resend(sent, now, None if sent.is_cancelled else sent.message)
 
     def _resend(self, sent: SentGoal, now: float, message: Optional[Any]) -> None:
-        """Send a goal's message once more, or its cancel where that is None; now and then."""
+        """Send a goal's message again, or its cancel where that is None, at most once in RESEND_AFTER."""
         if now - sent.resent_at > RESEND_AFTER:
             sent.resent_at = now
             if message is None:
@@ -257,5 +258,5 @@ class ClientGoals:
         with self._lock:
             still_open = self._goals.pop(sent.goal_id, None) is not None
         if still_open:
-            sent.cancel()  # whoever said that it ended, and whether or not it has: nothing is driven for it from now on
+            sent.cancel()  # in case the server still pursues it
             sent.finish(ending)

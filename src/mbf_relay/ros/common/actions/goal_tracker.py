@@ -1,8 +1,8 @@
-"""The goals of an action server, held to actionlib's transitions by one table; neither topics nor threads.
+"""The goals of an action server, with actionlib's state transitions as a table; without topics and threads.
 
-This stands in for the bookkeeping of actionlib's ActionServer, which lets a finished goal begin anew (a cancel, its
-goal and the cancel again), forgets on the ROS clock, which may stand or be set back, and cannot tell that a client is
-gone.
+It replaces the bookkeeping of actionlib's ActionServer, which can start a finished goal again (after a cancel, its goal
+and the cancel again), forgets goals by the ROS clock, which may stand still or be set back, and does not notice that a
+client is gone.
 """
 
 from __future__ import annotations
@@ -28,35 +28,38 @@ TRANSITIONS: Mapping[str, Mapping[int, int]] = {
     "abort": {ACTIVE: ABORTED, PREEMPTING: ABORTED},
     "succeed": {ACTIVE: SUCCEEDED, PREEMPTING: SUCCEEDED},
 }
-"""actionlib's: what may happen to a goal, in which states, and where it leads (actionlib/DetailedDescription)."""
+"""actionlib's transitions: for each event the states in which it is allowed, and the next state (wiki:
+actionlib/DetailedDescription)."""
 TERMINAL: FrozenSet[int] = frozenset((PREEMPTED, SUCCEEDED, ABORTED, REJECTED, RECALLED))
+"""States in which a goal has ended."""
 
 LIST_FOR = 5.0
-"""Wall time (s) for which the status tells of a finished goal, or of a cancel without its goal: actionlib's default."""
+"""Wall time (s) for which the status lists a finished goal, or a cancel without its goal: actionlib's default."""
 REMEMBER_FOR = 60.0
-"""Wall time (s) for which it is remembered, so that neither a late cancel nor the goal sent again begins it anew."""
+"""Wall time (s) for which a finished goal's id is remembered, so that a late cancel or a resent goal does not start it
+again."""
 REMEMBER_AT_MOST = 2000
-"""Number of finished goals remembered, the oldest of which are forgotten first."""
+"""Largest number of finished goals remembered; the oldest are forgotten first."""
 LIST_AT_MOST = 600
-"""Number of finished goals in the status, the newest. A client of actionlib's takes a goal for lost that ended and is
-not in the status when its result still waits to be looked at; of twenty clients at 20 Hz, each has 1.5 s for that."""
+"""Largest number of finished goals in the status, the newest. actionlib's client takes a goal for lost that is not in
+the status while its result is still queued; for twenty clients at 20 Hz, each has 1.5 s for that."""
 LONGEST_ID = 1000
-"""Characters of a goal's id at most: the status repeats each five times a second. actionlib's have some forty."""
+"""Largest number of characters of a goal's id, which each status message repeats; actionlib's have some forty."""
 FIRST_WORD = 0.05
-"""Wall time (s) after which a goal of a client without leases is spoken of at all.
+"""Wall time (s) for which nothing is published of a new goal, unless it is leased.
 
-rospy's SimpleActionClient knows a goal as its own only a moment after it has sent it, and drops what it hears of it
-before: of 600 goals refused at once on a busy machine, three never ended for whoever waited for them.
+rospy's SimpleActionClient registers a goal a moment after it has sent it, and ignores messages on it before: of 600
+goals refused at once on a busy machine, three never ended for their clients.
 """
 STAMPED_BEFORE = (
     "This goal handle was canceled by the action server because its timestamp is before the timestamp of the last "
     "cancel request"
 )
-"""actionlib's text."""
+"""actionlib's status text for a goal older than the last cancel of all goals."""
 
 
 class GoalSink(Protocol):
-    """Where a tracker's words go."""
+    """What a GoalTracker publishes to; ActionServer implements it."""
 
     def publish_result(self, status: GoalStatus, result: Any) -> None:
         """Send a goal's result."""
@@ -65,21 +68,21 @@ class GoalSink(Protocol):
         """Send feedback of a goal."""
 
     def status_changed(self) -> None:
-        """Note that the status is not what it was."""
+        """Called when the status has changed."""
 
 
 class TrackedGoal:
-    """One goal at the server, with those methods of actionlib's ServerGoalHandle that are used.
+    """One goal at the server, with the methods of actionlib's ServerGoalHandle that are used here.
 
     Attributes:
         status: Its GoalStatus.
         client: Name of the node that sent it.
-        has_come: Whether the goal is there, and not its cancel alone.
-        lapse: Why it was cancelled though nobody asked for that, its client being gone; empty where it was not.
-        finished_at: Wall time (s) of its end, or of a cancel whose goal has not come; None before.
-        come_at: Wall time (s) at which it came.
-        answered_at: Wall time (s) at which its client was last seen to answer for it.
-        is_overdue: Whether that was too long ago at the last look.
+        has_come: Whether the goal was received, and not only its cancel.
+        lapse: Why it was cancelled without a request, as its client is gone; empty where it was not.
+        finished_at: Wall time (s) of its end, or of a cancel whose goal was not received; None before.
+        come_at: Wall time (s) at which it was received.
+        answered_at: Wall time (s) of the last renewal, or at which its client was last connected.
+        is_overdue: Whether that was too long ago at the last check.
     """
 
     def __init__(
@@ -103,7 +106,7 @@ class TrackedGoal:
         return self._goal
 
     def drop_goal(self) -> None:
-        """Let go of the message, which may be a long path."""
+        """Drop the goal message, which may be a long path."""
         self._goal = None
 
     def get_goal_id(self) -> GoalID:
@@ -111,34 +114,34 @@ class TrackedGoal:
         return self.status.goal_id
 
     def set_accepted(self, text: str = "") -> None:
-        """Go over to ACTIVE, or to PREEMPTING where a cancel came before."""
+        """Change to ACTIVE, or to PREEMPTING where a cancel was requested."""
         self._tracker.move(self, "accept", text)
 
     def set_rejected(self, result: Any = None, text: str = "") -> None:
-        """End it as refused."""
+        """End it as REJECTED."""
         self._tracker.finish(self, "reject", result, text)
 
     def set_canceled(self, result: Any = None, text: str = "") -> None:
-        """End it as called off."""
+        """End it as PREEMPTED, or RECALLED where it was not accepted yet."""
         self._tracker.finish(self, "cancel", result, text)
 
     def set_aborted(self, result: Any = None, text: str = "") -> None:
-        """End it as failed."""
+        """End it as ABORTED."""
         self._tracker.finish(self, "abort", result, text)
 
     def set_succeeded(self, result: Any = None, text: str = "") -> None:
-        """End it as reached."""
+        """End it as SUCCEEDED."""
         self._tracker.finish(self, "succeed", result, text)
 
     def publish_feedback(self, feedback: Any) -> None:
-        """Send feedback, unless it ended."""
+        """Publish feedback, unless the goal has ended."""
         self._tracker.feed_back(self, feedback)
 
 
 class GoalTracker:
-    """Takes goals, cancels and renewals as they arrive, and gives each goal one end.
+    """Keeps the states of goals, by goals, cancels and renewals received, and ends each goal exactly once.
 
-    One lock, re-entrant: the callbacks run under it, goals take it.
+    Its one lock is re-entrant; callbacks run with it held.
     """
 
     def __init__(
@@ -150,37 +153,37 @@ class GoalTracker:
         """Begin without goals.
 
         Args:
-            sink: Where status, results and feedback go.
-            on_goal, on_cancel: Called with each new goal, and with each goal of which a cancel is to be heard.
-            empty_result: Makes a result that says nothing.
+            sink: Publishes status, results and feedback.
+            on_goal, on_cancel: Called with each new goal, and with each goal whose cancel is requested.
+            empty_result: Returns an empty result message.
             clock: Gives wall time (s).
-            ros_now: Gives ROS time, as a message has it.
-            recalled: Makes the result of a goal whose cancel came before it; actionlib's empty one says 0, which is
-                SUCCESS to whoever looks at the outcome alone.
-            on_overtaken: Called with a goal whose cancel came before it, before that goal ends: the two come by
-                connections of their own.
-            first_word: See FIRST_WORD; 0 for at once.
+            ros_now: Gives ROS time as genpy.Time.
+            recalled: Returns the result of a goal whose cancel arrived before it. An empty one, as of actionlib, has
+                outcome 0, which is SUCCESS for clients that look at the outcome alone.
+            on_overtaken: Called with a goal whose cancel arrived before it, on another connection, before the goal is
+                ended.
+            first_word: See FIRST_WORD; 0 to publish at once.
         """
         self.lock = threading.RLock()
         self._sink, self._on_goal, self._on_cancel, self._on_overtaken = sink, on_goal, on_cancel, on_overtaken
         self._empty_result, self._recalled = empty_result, recalled or empty_result
         self._clock, self._ros_now, self._first_word = clock, ros_now, first_word
         self._goals: Dict[str, TrackedGoal] = {}  # oldest first
-        self._bygone: Dict[str, float] = {}  # when goals finished of which nothing else is known any more, oldest first
-        self._unsaid: Dict[TrackedGoal, List[Callable[[], None]]] = {}  # not spoken of yet, and what is to be said
+        self._bygone: Dict[str, float] = {}  # wall time of the end, by id, of goals no longer in _goals; oldest first
+        self._unsaid: Dict[TrackedGoal, List[Callable[[], None]]] = {}  # new goals and what waits to be published
         self._last_cancel = Time()
-        self._used_id = ""  # that was last told of
+        self._used_id = ""  # the last one there was a warning of
         self._numbers = itertools.count(1)
 
     # what arrives
 
     def take_goal(self, goal_id: GoalID, goal: Any, client: str = "") -> None:
-        """Take a goal message; one that is known already changes nothing.
+        """Take a goal message; one whose id is known already changes nothing.
 
         Args:
-            goal_id: Its id; given one here where it is empty.
-            goal: The goal.
-            client: Name of the node it came from.
+            goal_id: Its id; where the id or the stamp is empty, it gets one here.
+            goal: The goal message.
+            client: Name of the node that sent it.
         """
         if _is_too_long(goal_id):
             return
@@ -207,19 +210,19 @@ class GoalTracker:
                 return
             if self._last_cancel > now:
                 self._last_cancel = Time()  # the clock was set back since, and else every goal would be older
-            if stamp and stamp <= self._last_cancel:  # none says nothing of age; it is also a simulation's first
+            if stamp and stamp <= self._last_cancel:  # a stamp of 0 may be missing, or a simulation's first time
                 tracked.set_canceled(self._recalled(), STAMPED_BEFORE)
             else:
                 self._on_goal(tracked)
                 self._tell_change(tracked)
 
     def take_cancel(self, goal_id: GoalID) -> None:
-        """Take a cancel message: of one goal, of all up to a time, or of all."""
+        """Take a cancel message, by actionlib's rules: of one goal, of all up to a time, or of all."""
         if _is_too_long(goal_id):
             return
         with self.lock:
             named = self._goals.get(goal_id.id)
-            if named is not None and named in self._unsaid:  # its client takes it for lost where the status lacks it
+            if named is not None and named in self._unsaid:  # else its client takes it for lost
                 self._speak_of(named)
             everything = not goal_id.id and not goal_id.stamp
             for tracked in list(self._goals.values()):
@@ -241,7 +244,7 @@ class GoalTracker:
     # what goals do
 
     def move(self, tracked: TrackedGoal, event: str, text: str) -> bool:
-        """Let something happen to a goal; return whether its state allowed that."""
+        """Change a goal's state by an event of TRANSITIONS; return whether its state allowed that."""
         with self.lock:
             state = TRANSITIONS[event].get(tracked.status.status)
             if state is None:
@@ -253,7 +256,7 @@ class GoalTracker:
             return True
 
     def finish(self, tracked: TrackedGoal, event: str, result: Any, text: str) -> None:
-        """End a goal and send its result."""
+        """End a goal and publish its result."""
         with self.lock:
             if self.move(tracked, event, text):
                 tracked.finished_at = self._clock()
@@ -262,7 +265,7 @@ class GoalTracker:
                 self._say(tracked, lambda: self._sink.publish_result(tracked.status, result))
 
     def feed_back(self, tracked: TrackedGoal, feedback: Any) -> None:
-        """Send feedback of a goal that has not ended."""
+        """Publish feedback of a goal that has not ended."""
         with self.lock:
             if not tracked.has_ended:
                 self._say(tracked, lambda: self._sink.publish_feedback(tracked.status, feedback))
@@ -270,14 +273,14 @@ class GoalTracker:
     # the passing of time
 
     def look(self, connected: Optional[Callable[[str], bool]] = None, client_timeout: float = 0.0) -> None:
-        """Forget what ended long ago, and cancel what nobody answers for; call a few times a second.
+        """Forget goals that ended long ago, and cancel goals whose client is gone; call a few times a second.
 
-        A goal is overdue at two looks in a row before it is cancelled: between them renewals are read that had come
-        while the whole server stood still, or was given hardly any processor.
+        A goal is cancelled where it is overdue at two calls in a row: between them, renewals are read that arrived
+        while the server itself was stopped or got no CPU time.
 
         Args:
-            connected: Tells whether the node of that name is connected, which renews its goals without a lease.
-            client_timeout: Wall time (s) after which such goals of a client that is not connected end; 0 for never.
+            connected: Returns whether a node, by name, is connected; that counts for goals without a lease.
+            client_timeout: Wall time (s) after which such goals of a disconnected client are cancelled; 0 for never.
         """
         with self.lock:
             now = self._clock()
@@ -285,7 +288,7 @@ class GoalTracker:
             self._forget(now)
             for goal_id, tracked in list(self._goals.items()):
                 if not tracked.has_come or tracked.status.status not in (PENDING, ACTIVE):
-                    continue  # it ended, or a cancel is heard already
+                    continue  # it has ended or is being cancelled
                 if is_leased(goal_id):
                     patience, gone = DURATION, f"has not renewed it for {DURATION:g} s"
                 elif client_timeout > 0.0 and connected is not None:
@@ -300,7 +303,7 @@ class GoalTracker:
                     self._request_cancel(tracked)
 
     def speak(self, until: float = math.inf) -> None:
-        """Tell of the goals that came up to a wall time (s) and were not spoken of yet."""
+        """Publish what waits of new goals (see FIRST_WORD) received up to a wall time (s)."""
         with self.lock:
             while self._unsaid:
                 tracked = next(iter(self._unsaid))
@@ -309,7 +312,7 @@ class GoalTracker:
                 self._speak_of(tracked)
 
     def listed(self) -> List[GoalStatus]:
-        """Return what the status tells: every goal that has not ended, and those that ended lately."""
+        """Return the contents of the status message: all goals that have not ended, and those that ended lately."""
         with self.lock:
             since, statuses, room = self._clock() - LIST_FOR, [], LIST_AT_MOST
             for tracked in reversed(list(self._goals.values())):
@@ -330,9 +333,9 @@ class GoalTracker:
             self._on_cancel(tracked)
 
     def _tell_of_used_id(self, name: str, ended_at: float) -> None:
-        """Say, once, that a goal is not taken whose id one had before, as of somebody who writes them by hand.
+        """Warn, once, of a goal refused because its id was used before, as by a client with constant ids.
 
-        Who leases goals sends one again that was not acknowledged in time.
+        Not of leased goals, which clients resend when an acknowledgement is late.
         """
         if name != self._used_id and not is_leased(name):
             self._used_id = name
@@ -356,7 +359,7 @@ class GoalTracker:
             self._sink.status_changed()
 
     def _forget(self, now: float) -> None:
-        """Keep of what the status does not tell of any more only the name, and that not for ever."""
+        """Keep only ids of goals that the status no longer lists, and forget these in the end."""
         for name, goal in list(self._goals.items()):
             if goal.finished_at is not None and now - goal.finished_at > LIST_FOR:
                 if goal.has_ended:
@@ -375,7 +378,7 @@ class GoalTracker:
 
 
 def _is_too_long(goal_id: GoalID) -> bool:
-    """Return whether an id is no name but a burden, and say so; its goal is not taken, and nobody can wait for it."""
+    """Return whether an id is longer than LONGEST_ID, and log an error if so; the goal is ignored then."""
     too_long = len(goal_id.id) > LONGEST_ID
     if too_long:
         logging.getLogger("rosout").error(

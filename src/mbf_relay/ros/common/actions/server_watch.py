@@ -1,12 +1,12 @@
-"""Is the action server still there? Asked on the wall clock, whatever the ROS clock does.
+"""Watches by the wall clock whether an action server is alive.
 
-A living server publishes its status several times a second of ROS time. A closed connection is the first sign of its
-end. Silence is the second, and then its node is asked directly: one that answers lives and may stay silent while the
-ROS clock stands still, one that refuses is gone, one that gives no sign of life is given `silence_timeout`. The master
-is asked only where no connection tells the node's address, and for no longer than a node: it may hang itself.
+A server publishes its status several times a second of ROS time. A closed connection is the first sign of its end, the
+second is silence; then its node is called directly (XML-RPC getPid). If it answers, it is alive and may be silent
+because the ROS clock stands still. If it refuses the connection, it is gone. If it does not answer, it has
+`silence_timeout`. The master is asked only for the node's address where no connection tells it, with the same timeout.
 
-Silence is summed up from look to look. A look that comes late, or to which the ROS clock has jumped, says nothing of
-what the server could have said meanwhile, and counts no more than others.
+The time of silence is summed up from check to check, and each adds LOOK at most: a check that comes late, or a jump of
+the ROS clock, is no evidence that the server was silent.
 """
 
 from __future__ import annotations
@@ -26,22 +26,22 @@ from mbf_relay.ros.common.impatient_proxy import NO_ANSWER, impatient_proxy
 DISCONNECTED_FOR = 0.3
 """Wall time (s) without a connection after which a server that was there counts as gone."""
 SILENT_FOR = 0.5
-"""Wall time (s) without a status message, which comes five times a second, after which the node is asked."""
+"""Wall time (s) without a status message, which comes five times a second, after which the node is called."""
 CLOCK_RAN = 1.0
-"""ROS time (s) without a status message that its clock does not explain."""
+"""ROS time (s) without a status message above which a standing clock does not explain the silence."""
 ASK_TIMEOUT = 0.3
-"""Wall time (s) a node has for its answer."""
+"""Wall time (s) a node has to answer a call."""
 TRIES = 3
-"""How often a node is asked that may be there already: one on a busy machine answers late."""
+"""Number of calls before another server of the action counts as dead, as a busy machine answers late."""
 LOOK = 0.3
-"""Seconds that one look adds to a silence at most: that between two of them with a question in between."""
+"""Largest time (s) that one check adds to the silence: the time between two checks with a call in between."""
 
 
 class ServerWatch:
     """Watches one action server through its status topic.
 
     Attributes:
-        is_up: Whether it is there.
+        is_up: Whether the server is alive.
         loss: How it was lost last; empty where it never was.
     """
 
@@ -49,11 +49,11 @@ class ServerWatch:
         self, name: str, takes_goals: Callable[[str], bool], silence_timeout: float,
         on_status: Callable[[GoalStatusArray], None],
     ) -> None:
-        """Expect a server.
+        """Subscribe to the status.
 
         Args:
             name: The action's name.
-            takes_goals: Tells whether a node listens to goals; a node that does not is no server, whatever it says.
+            takes_goals: Returns whether a node, by name, subscribes to goals; one that does not is no server.
             silence_timeout: Wall time (s) of silence after which a server that is connected counts as gone.
             on_status: Called with each status message of the server's.
         """
@@ -64,25 +64,25 @@ class ServerWatch:
         self._silence_timeout = silence_timeout
         self._node = self._address = ""
         self._heard_at = self._connected_at = self._asked_at = 0.0
-        self._counting = threading.Lock()  # what is heard comes on another thread than the looks
+        self._counting = threading.Lock()  # guards the times: status messages come on another thread than checks
         self._looked_at = self._looked_at_ros_time = 0.0
-        self._lifeless = 0.0  # wall time (s) without a sign of life
+        self._lifeless = 0.0  # wall time (s) without status message or answer
         self._ran = 0.0  # ROS time (s) without a status message
-        self._subscriber: Optional[rospy.Subscriber] = None  # as yet: the first status may come while it is being made
+        self._subscriber: Optional[rospy.Subscriber] = None  # a status may arrive before the constructor has returned
         self._subscriber = rospy.Subscriber(f"{name}/status", GoalStatusArray, self._hear, tcp_nodelay=True)
 
     @property
     def is_connected(self) -> bool:
-        """Whether somebody publishes the status."""
+        """Whether the status has a publisher."""
         return self._subscriber is not None and bool(self._subscriber.get_num_connections())
 
     @property
     def silence(self) -> float:
-        """Wall time (s) since the server's last word, infinite before the first."""
+        """Wall time (s) since the server's last status message or answer, infinite before the first."""
         return time.monotonic() - self._heard_at if self._node else math.inf
 
     def is_from_server(self, message: Any) -> bool:
-        """Return whether a message comes from a node that tells the status and takes goals, or did so last."""
+        """Return whether a message is from the current server, or from a node that publishes status and takes goals."""
         node = message._connection_header.get("callerid", "")
         return node == self._node or (node in self._connections() and self._takes_goals(node))
 
@@ -122,7 +122,7 @@ class ServerWatch:
         self.is_up = True
 
     def _look_for_a_silent_one(self, now: float) -> None:
-        """Find a server that is connected and says nothing, because the ROS clock stands still."""
+        """Find a server that is connected but silent, because the ROS clock stands still."""
         nodes = [node for node in self._connections() if self._takes_goals(node)]
         if nodes and now - self._asked_at > SILENT_FOR / 2.0:
             self._asked_at = now
@@ -130,7 +130,7 @@ class ServerWatch:
                 self._note_life(nodes[-1])
 
     def _connections(self) -> Dict[str, str]:
-        """Return the addresses of the nodes that publish the status, by name, newest last."""
+        """Return the XML-RPC URIs of the nodes that publish the status, by name, newest last."""
         return {} if self._subscriber is None else connected_nodes(self._subscriber)
 
     def _find_reason(self, now: float) -> Optional[str]:
@@ -139,11 +139,11 @@ class ServerWatch:
         elif now - self._connected_at > DISCONNECTED_FOR:
             return f"died: its node {self._node} closed the connection"
         if self._connections().get(self._node, self._address) != self._address:
-            self._note_life(self._node)  # started again meanwhile: the silence was the one's before it
+            self._note_life(self._node)  # restarted under the same name: the silence was its predecessor's
         self._add_silence()
         if self._lifeless >= SILENT_FOR and now - self._asked_at >= SILENT_FOR / 2.0:
             self._asked_at = now
-            # one that is not connected by name, or not yet, may have been started anew: the master knows where it is
+            # without a connection it may have been restarted elsewhere: ask_node then asks the master
             answer = ask_node(self._node, self._connections().get(self._node, ""))
             if answer == GONE:
                 return f"died: its node {self._node} does not exist any more"
@@ -156,7 +156,7 @@ class ServerWatch:
         return None
 
     def _add_silence(self) -> None:
-        """Count the time since the last look; what is heard sets it to nothing."""
+        """Add the time since the last check; status messages reset it."""
         now, ros_now = time.monotonic(), rospy.get_rostime().to_sec()
         with self._counting:
             passed = min(LOOK, max(0.0, now - self._looked_at))
@@ -166,14 +166,15 @@ class ServerWatch:
 
 
 THERE, MUTE, GONE = "there", "mute", "gone"
+"""Results of `ask_node`."""
 
 
 def ask_node(node: str, address: str = "") -> str:
-    """Ask a node for a sign of life, and the master before it where need be; each has ASK_TIMEOUT for its answer.
+    """Call a node by XML-RPC to see whether it is alive, with ASK_TIMEOUT for each answer.
 
     Args:
         node: Its name.
-        address: Its URI; the master is asked for it where it is empty.
+        address: Its XML-RPC URI; where empty, the master is asked for it.
 
     Returns:
         THERE, MUTE (no answer in time) or GONE (refused, or unknown to the master).
@@ -186,7 +187,7 @@ def ask_node(node: str, address: str = "") -> str:
             if code != 1:
                 return GONE
     except NO_ANSWER:
-        return MUTE  # no master to ask: that says nothing about the node
+        return MUTE  # without an answer of the master nothing is known of the node
     try:
         impatient_proxy(address, ASK_TIMEOUT).getPid(here)
     except ConnectionRefusedError:
@@ -197,19 +198,19 @@ def ask_node(node: str, address: str = "") -> str:
 
 
 def check_alone(action: str) -> None:
-    """Refuse to serve an action beside another node that lives: goals go to both, and neither's answers hold.
+    """Check that no other node serves an action: goals would go to both, and clients would get answers from both.
 
-    To be asked before the topics are opened, and once more when they are: of two that start at the same moment each is
-    alone before. The master then knows both, in the order in which they came, and the second is refused.
+    To be called before the topics are advertised and again after that, for two that start at the same moment: the
+    master then has both in the order of their registration, and the second is refused.
 
     Raises:
-        ValueError: There is another one that was first.
+        ValueError: Another node that is alive was first.
     """
     here = rospy.get_name()
     try:
         answer: Any = impatient_proxy(rosgraph.get_master_uri(), ASK_TIMEOUT).getSystemState(here)
     except NO_ANSWER:
-        return  # the master is watched by others
+        return  # nothing is known without the master; MasterWatch watches it
     publishers, subscribers = map(dict, answer[2][:2])
     take_goals = subscribers.get(rospy.resolve_name(f"{action}/goal"), [])
     if here in take_goals:

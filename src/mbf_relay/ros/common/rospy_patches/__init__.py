@@ -1,4 +1,4 @@
-"""What a node does otherwise than rospy, or without it: each module says what goes wrong, or how much is saved.
+"""Patches of rospy; each module says which defect it fixes, or what it saves.
 
-`ros.common.node` has all of it take hold before rospy.init_node.
+`ros.common.node` applies all of them before rospy.init_node.
 """

@@ -1,10 +1,10 @@
-"""Connections that come to a node, each heard out in a thread of its own.
+"""Incoming connections: each TCPROS handshake in a thread of its own, with timeouts and limits.
 
-rospy waits for the first words of whoever connects in the one thread that takes connections, for as long as that takes.
-Somebody who connected and said nothing, be it a look for open ports or a subscriber whose cable was cut, kept everybody
-else out for good: a velocity_guard that came back after that heard of no velocity, and the robot stood. On a node's
-other port, that of XML-RPC, each such connection held a thread for good. And a thousand at a time are all the files a
-process may usually open: then a node looks again and again who waits, without a pause.
+rospy reads the handshake header of each connection in the one thread that accepts connections, without a timeout. A
+peer that connects and sends nothing, as a port scan or a subscriber whose cable was cut, blocks all others for good: a
+velocity_guard that restarted after that received no velocities, and the robot stood still. On the node's XML-RPC port
+each such connection holds a thread for good. Once they use up the process' file descriptors (usually a thousand), rospy
+tries to accept again and again without a pause.
 """
 
 from __future__ import annotations
@@ -28,35 +28,35 @@ from rospy.impl.tcpros_service import ServiceImpl
 from mbf_relay.ros.common.rospy_patches.named_locks import NamedLocks
 
 PATIENCE = 5.0
-"""Wall seconds for the first words, which nodes send as soon as they are connected."""
+"""Wall seconds for the handshake header, which nodes send as soon as they are connected."""
 LONGEST = 1 << 20
-"""Bytes of the first words; a definition of the longest message has some ten thousand."""
+"""Largest size (bytes) of a handshake header; with the definition of the longest message it has some ten thousand."""
 MOST_AT_A_TIME = 200
-"""Connections that are heard out, and as many that are answered in XML-RPC; whoever else comes meanwhile is let go. Of
-as many to services the oldest is let go: some clients keep theirs for good."""
+"""Largest number of handshakes at a time, and of XML-RPC calls; further connections are closed. Also of connections to
+services, of which the oldest is closed, since some clients keep theirs open for good."""
 MOST_LISTENERS = 400
-"""Connections to a node's topics, each of which holds a thread, a file and 0.2 MiB; who comes then is refused, since
-rospy's subscribers never come back where they are let go. A fleet's nodes all listen to one /clock; with as many as are
-heard out, answered and served these are the thousand files a process may usually open."""
+"""Largest number of connections to a node's topics, each of which takes a thread, a file descriptor and 0.2 MiB.
+Further ones are refused, rather than old ones closed, since rospy's subscribers do not reconnect. Together with
+MOST_AT_A_TIME these stay within the usual thousand file descriptors. All nodes of a fleet may subscribe to one /clock.
+"""
 WAITING_AT_MOST = 128
-"""Connections that the system holds until the node takes them. It held rospy's five: whoever else came at that moment
-tried again a second later, as where many nodes come at once, or a stranger knocks without end."""
+"""The listen(2) backlog. rospy's is 5: with many nodes starting at once, others had to retry after a second."""
 LONGEST_SILENCE = 60.0
-"""Wall seconds after which an XML-RPC connection is closed; who needs it connects anew."""
+"""Wall seconds of silence after which an XML-RPC connection is closed; clients reconnect when they need it."""
 OUT_OF_FILES, PAUSE = (errno.EMFILE, errno.ENFILE), 0.1
-"""What the system says where no file is left for a connection, and wall seconds until the next look whether one is."""
+"""Errors of accept(2) where there are no file descriptors left, and wall seconds until the next attempt."""
 _LENGTH = struct.Struct("<I")
 _take_as_rospy, _serve_as_rospy = TCPServer.run, ServiceImpl.handle
-_unheard, _calling = threading.Semaphore(MOST_AT_A_TIME), threading.Semaphore(MOST_AT_A_TIME)
+_unheard, _calling = threading.Semaphore(MOST_AT_A_TIME), threading.Semaphore(MOST_AT_A_TIME)  # handshakes, XML-RPC
 _served: Deque[Any] = collections.deque()  # connections to services, oldest first
 _serving = threading.Lock()  # guards it
-# rospy's handlers are made for one connection at a time; before any lock of theirs. One for each topic or service: what
-# a node does when somebody listens, as to ask the master, may take long. Strangers name what they like
+# rospy's connection handlers are not thread-safe. One lock for each topic or service, as a handler may take long, e.g.
+# to ask the master; taken before any of rospy's locks. Their names come from outside, hence NamedLocks.
 _handling = NamedLocks()
 
 
 def hear_out_each_by_itself() -> None:
-    """Have this process hear out who connects in a thread each; before rospy.init_node."""
+    """Apply this module's patches to rospy; before rospy.init_node."""
     TCPServer.run = take_all
     TCPROSServer._tcp_server_callback = take_up
     SilenceableXMLRPCRequestHandler.timeout = LONGEST_SILENCE
@@ -67,7 +67,7 @@ def hear_out_each_by_itself() -> None:
 
 
 def take_all(server: Any) -> None:
-    """Take connections as TCPServer.run does, which ends for good where there is no file for one."""
+    """Accept connections as TCPServer.run does, which ends for good when file descriptors run out; replaces it."""
     server.server_sock.listen(WAITING_AT_MOST)
     while not server.is_shutdown:
         try:
@@ -79,20 +79,20 @@ def take_all(server: Any) -> None:
 
 
 def take_up(server: Any, connection: socket.socket, address: Tuple[str, int]) -> None:
-    """Take a connection up as TCPROSServer does, without waiting for it."""
+    """Start a thread for a connection's handshake; replaces TCPROSServer._tcp_server_callback."""
     if not _unheard.acquire(blocking=False):
         connection.close()
         return
     try:
         threading.Thread(
             target=_hear_out, args=(server, connection, address), name="TCPROS handshake", daemon=True).start()
-    except RuntimeError:  # there is no thread left: whoever comes later may find one
+    except RuntimeError:  # no thread can be started now
         _unheard.release()
         connection.close()
 
 
 def answer(server: Any, connection: socket.socket, address: Tuple[str, int]) -> None:
-    """Answer a connection in XML-RPC as ThreadingXMLRPCServer does."""
+    """Serve an XML-RPC connection in a thread, MOST_AT_A_TIME at most; replaces process_request of rospy's server."""
     if not _calling.acquire(blocking=False):
         server.shutdown_request(connection)
         return
@@ -111,7 +111,7 @@ def _answer(server: Any, connection: socket.socket, address: Tuple[str, int]) ->
 
 
 def serve(service: Any, connection: Any, header: Mapping[str, str]) -> None:
-    """Serve a connection to a service as ServiceImpl.handle does; for too many, the oldest of them ends."""
+    """Serve a connection to a service as ServiceImpl.handle does, which it replaces; closes the oldest of too many."""
     with _serving:
         _served.append(connection)
         oldest = _served.popleft() if len(_served) > MOST_AT_A_TIME else None
@@ -129,7 +129,8 @@ def serve(service: Any, connection: Any, header: Mapping[str, str]) -> None:
 
 
 def _asks(connection: socket.socket) -> bool:
-    """Wait for what a connection asks; return whether it does: who leaves before is no error, as it is to rospy."""
+    """Wait for a service request; return False where the client disconnects without one, for which rospy logs an error.
+    """
     try:
         return bool(connection.recv(1, socket.MSG_PEEK))
     except OSError:
@@ -137,12 +138,12 @@ def _asks(connection: socket.socket) -> bool:
 
 
 def _hang_up(connection: Optional[socket.socket]) -> None:
-    """End a connection for the thread that reads from it."""
+    """Shut a connection down, so that the thread that reads from it ends."""
     try:
         if connection is not None:
             connection.shutdown(socket.SHUT_RDWR)
     except OSError:
-        pass  # it has ended by itself
+        pass  # closed already
 
 
 def _hear_out(server: Any, connection: socket.socket, address: Tuple[str, int]) -> None:
@@ -155,7 +156,7 @@ def _hear_out(server: Any, connection: socket.socket, address: Tuple[str, int]) 
             trouble = _hand_over(server, connection, address, header)
         if trouble:
             write_ros_handshake_header(connection, {"error": trouble})
-    except Exception as error:  # it came from outside: nothing of it may end more than this connection
+    except Exception as error:  # any error of a peer's input concerns this connection only
         trouble = str(error)
     finally:
         _unheard.release()
@@ -166,12 +167,12 @@ def _hear_out(server: Any, connection: socket.socket, address: Tuple[str, int]) 
 
 
 def first_words(connection: socket.socket) -> Optional[Dict[str, str]]:
-    """Return what who connected says of itself, None where it left without a word, as who ends at that moment does.
+    """Return a connection's handshake header, None where the peer closed it without sending anything.
 
-    The connection waits without limit again afterwards.
+    The socket is blocking without a timeout again afterwards.
 
     Raises:
-        ROSHandshakeException: It says nothing in time, or nothing of use.
+        ROSHandshakeException: The header is late, incomplete, too long or malformed.
     """
     end, read = time.monotonic() + PATIENCE, b""
     while len(read) < _LENGTH.size or len(read) < _LENGTH.size + _LENGTH.unpack_from(read)[0]:
@@ -196,12 +197,12 @@ def first_words(connection: socket.socket) -> Optional[Dict[str, str]]:
 
 
 def listeners() -> int:
-    """Return how many connections listen to this node's topics."""
+    """Return the number of connections to topics that this node publishes."""
     return sum(len(topic.connections) for topic in list(get_topic_manager().pubs.values()))
 
 
 def _hand_over(server: Any, connection: socket.socket, address: Tuple[str, int], header: Dict[str, str]) -> str:
-    """Hand a connection to rospy; return why it is refused, empty where it is not."""
+    """Pass a connection to rospy's topic or service handler; return why it is refused, empty where it is not."""
     if "topic" in header:
         if listeners() >= MOST_LISTENERS:
             return f"{MOST_LISTENERS} connections listen to this node's topics already"

@@ -1,14 +1,14 @@
-"""Connections of subscribers: made once, and not given up where the publisher was not ready.
+"""Connections of subscribers to publishers: three defects of rospy by which messages never arrive.
 
-A node that subscribes hears of a publisher twice: from the master's answer, and from its update. rospy takes each up in
-a thread, and where both find nothing connected yet, the second connection closes the first, with all that was sent on
-it: an action's first goal, which a client sends as soon as it sees a connection, never came.
+A subscriber learns of a publisher twice: from the master's answer to its registration, and from publisherUpdate. rospy
+handles each in a thread. Where both find no connection yet, the second one closes the first, with all that was sent on
+it: the first goal of an action, which a client sends as soon as it sees a connection, was lost.
 
-A publisher that takes a topic back for a moment, as RViz does while it sets up its tools, refuses whoever comes just
-then. rospy gives up such a connection but goes on counting it as one, so that nothing of the topic is ever heard.
+A publisher that unadvertises a topic for a moment, as RViz does while it sets up its tools, refuses connections
+meanwhile. rospy gives such a connection up but goes on counting it, so that it never connects again.
 
-Of a publisher that takes it back for less, the master tells again before the last connection's end is noticed here.
-rospy leaves alone what it still counts as connected, and nothing is ever heard either.
+If it unadvertises the topic for even shorter, publisherUpdate comes before the end of the old connection is noticed.
+rospy then sees the publisher as connected, and never connects again either.
 """
 
 from __future__ import annotations
@@ -27,24 +27,26 @@ from rospy.impl.registration import get_topic_manager
 from mbf_relay.ros.common.rospy_patches.named_locks import NamedLocks
 
 FIRST_PAUSE, LONGEST_PAUSE = 0.1, 30.0
-"""Wall seconds until a publisher that refused is asked again: the first time, and at most; each is twice the last."""
+"""Wall seconds until the next attempt after a publisher's refusal: at first, and at most; each is twice the last."""
 CONNECT_TIMEOUT = 60.0
+"""Wall seconds for a TCP connection and its handshake, as in rospy's robust_connect_subscriber."""
 ENDING_PAUSE = 0.02
-"""Wall seconds between two looks whether a connection that the publisher has ended is no longer counted."""
+"""Wall seconds between two checks whether rospy has dropped a connection that the publisher has closed."""
 _connect_as_rospy = ROSHandler._connect_topic
 _locks = NamedLocks()
 
 
 def connect_surely() -> None:
-    """Have this process connect each subscriber with each publisher, once and in the end; before rospy.init_node."""
+    """Apply this module's patches to rospy; before rospy.init_node."""
     ROSHandler._connect_topic = connect_topic
     tcpros_pubsub.robust_connect_subscriber = connect_and_receive
 
 
 def connect_topic(handler: Any, topic: str, publisher: str) -> Any:
-    """Connect as ROSHandler._connect_topic does, which leaves alone what is connected, after whoever is at it now.
+    """Connect as ROSHandler._connect_topic does, one thread at a time for each topic and publisher; replaces it.
 
-    What is connected and ended by the publisher is waited for: all that came by it is read before.
+    Waits until connections that the publisher has closed are dropped, so that what came by them is read first; those
+    still open are kept.
     """
     with _locks.of((topic, publisher)):
         while not is_shutdown() and any(map(is_ended, connections_with(topic, publisher))):
@@ -53,13 +55,13 @@ def connect_topic(handler: Any, topic: str, publisher: str) -> Any:
 
 
 def connections_with(topic: str, publisher: str) -> List[Any]:
-    """Return what is counted as connections of this process's subscribers of a topic with a publisher."""
+    """Return rospy's connections of this process' subscribers of a topic with a publisher, by its XML-RPC URI."""
     subscriber = get_topic_manager().get_subscriber_impl(topic)
     return [link for link in subscriber.connections if link.endpoint_id == publisher] if subscriber else []
 
 
 def is_ended(connection: Any) -> bool:
-    """Return whether the publisher has ended a connection, or it has been closed here."""
+    """Return whether a connection was closed, by the publisher or in this process."""
     looked_at, poll = connection.socket, select.poll()
     if looked_at is None:  # closed, or not made yet
         return connection.protocol is None
@@ -73,10 +75,17 @@ def is_ended(connection: Any) -> bool:
 def connect_and_receive(
     connection: Any, address: str, port: int, publisher: str, receive: Callable[..., None], topic: str
 ) -> None:
-    """Connect, in a thread of its own, and receive until either side ends it; in place of robust_connect_subscriber.
+    """Connect and receive until either side closes the connection; replaces robust_connect_subscriber.
 
-    A publisher that refuses is asked again for as long as it says that it publishes the topic. Where it no longer does,
-    the connection is closed, so that it counts as none when the topic comes back.
+    A refused connection is retried as long as the publisher says that it publishes the topic. If it no longer does, the
+    connection is closed, so that it is not counted when the topic is advertised again.
+
+    Args:
+        connection: rospy's transport.
+        address, port: Of the publisher's TCPROS server.
+        publisher: The publisher's XML-RPC URI.
+        receive: Takes the messages.
+        topic: Name of the topic.
     """
     pause = FIRST_PAUSE
     while not connection.done and not is_shutdown():
@@ -84,7 +93,7 @@ def connect_and_receive(
             connection.connect(address, port, publisher, timeout=CONNECT_TIMEOUT)
             break
         except TransportInitError:
-            if connection.done:  # nobody is there: rospy has closed it
+            if connection.done:  # rospy has closed it, as nobody listens there
                 return
         refused, connection.socket, connection.read_buff = connection.socket, None, io.BytesIO()
         if refused is not None:

@@ -1,4 +1,4 @@
-"""Modules that libraries import and no node uses: read where somebody does, and until then neither time nor memory."""
+"""Lazy import of modules that libraries import and nodes hardly ever use, to save time and memory at start."""
 
 from __future__ import annotations
 
@@ -20,18 +20,20 @@ UNUSED = (
     "calendar", "html", "ipaddress", "locale", "numpy.fft", "numpy.ma", "numpy.polynomial", "pydoc", "roslib.stacks",
     "ssl", "xml.dom.minidom",
 )
-"""7 MiB of a node's 32, and a tenth of the time its imports take. roslib.stacks brings catkin's package parser, ssl the
-encryption that ROS has none of; rospy and the servers of the standard library import them, NumPy its own.
+"""Modules that are imported lazily: 7 MiB of a node's 32, and a tenth of its import time.
+
+roslib.stacks imports catkin's package parser; ssl is imported by servers of the standard library that rospy uses.
 """
 
 KNOWN_BEFORE = frozenset(("__file__", "__name__", "__package__", "__spec__"))
-"""What importing a module once more asks of it, and who looks for the module of a file asks of each."""
+"""Attributes that do not cause execution: they are read by repeated imports, and by code that goes through sys.modules.
+"""
 
 
 class LazyModule(ModuleType):
-    """A module that is executed at the first look at it, by whoever looks; others wait until it is whole.
+    """A module that is executed at the first access to an attribute; other threads wait until it is complete.
 
-    importlib's own lets other threads look into it half made (Python's issue 114763, mended in 3.12).
+    importlib.util.LazyLoader lets other threads see it half executed (CPython issue 114763, fixed in 3.12).
     """
 
     def __getattribute__(self, attribute: str) -> Any:
@@ -51,14 +53,14 @@ class LazyModule(ModuleType):
 
 
 class LazyExecution(Loader):
-    """Loads a module without executing it, and keeps what that takes.
+    """A loader that delays a module's execution.
 
     Args:
-        loader: Executes it.
+        loader: The loader that executes the module.
 
     Attributes:
-        lock: Held while it is executed.
-        is_under_way: It is, and looks at itself.
+        lock: Held during execution.
+        is_under_way: Whether the module is being executed, and may access its own attributes.
     """
 
     def __init__(self, loader: Any) -> None:
@@ -67,12 +69,12 @@ class LazyExecution(Loader):
         self.is_under_way = False
 
     def create_module(self, spec: importlib.machinery.ModuleSpec) -> Optional[ModuleType]:
-        """Return the module, not executed; None for a plain one."""
+        """Return the module, not executed; None for the default."""
         created: Optional[ModuleType] = self.loader.create_module(spec)
         return created
 
     def exec_module(self, module: ModuleType) -> None:
-        """Leave the module to be executed by the first who looks at it."""
+        """Make the module a LazyModule instead of executing it."""
         spec = module.__spec__
         assert spec is not None
         module.__loader__ = spec.loader = self.loader
@@ -81,10 +83,10 @@ class LazyExecution(Loader):
 
 
 class LazyFinder:
-    """Finds some modules as others would, to be executed when an attribute is first asked for.
+    """A meta path finder that makes some modules lazy.
 
     Args:
-        names: Of the modules.
+        names: Full names of the modules.
     """
 
     def __init__(self, names: Sequence[str]) -> None:
@@ -93,12 +95,11 @@ class LazyFinder:
     def find_spec(
         self, name: str, path: Optional[Sequence[str]] = None, target: Optional[ModuleType] = None
     ) -> Optional[importlib.machinery.ModuleSpec]:
-        """Return how to load a module, None where that is left to others; called by Python's import.
+        """Return the spec of a module in `names`, None for others; called by Python's import.
 
         Args:
-            name: Its full name.
-            path: Folders of the package it belongs to.
-            target: As importlib has it.
+            name: Full name of the module.
+            path, target: As for importlib.abc.MetaPathFinder.find_spec.
         """
         if name not in self._names:
             return None
@@ -109,15 +110,14 @@ class LazyFinder:
 
 
 def spare_what_nobody_uses() -> None:
-    """Have UNUSED modules executed and messages read when they are used; before they are imported, in the main thread.
-    """
+    """Make UNUSED modules and the modules of messages lazy; call in the main thread, before they are imported."""
     if not any(isinstance(finder, LazyFinder) for finder in sys.meta_path):
         sys.meta_path[:0] = [LazyFinder(UNUSED), MessageFinder()]
         _spare_pydoc()
 
 
 def _spare_pydoc() -> None:
-    """Import xmlrpc.server, which derives one class from pydoc's: it documents servers in HTML, and is left without."""
+    """Import xmlrpc.server without pydoc, of which it only needs a base class of its HTML documentation."""
     if "xmlrpc.server" in sys.modules or "pydoc" in sys.modules:
         return
     base = ModuleType("pydoc")

@@ -1,7 +1,7 @@
-"""Packages of messages of which each message is read when it is asked for.
+"""Lazy import of messages: of a message package only those that are used.
 
-A node uses a fifth of the messages that the packages it imports from have. To import one imports all of its package,
-and with each field the package of that: a hundred modules, 3 MiB of a node's 32, and a fifth of the time it starts in.
+Importing one message imports all messages of its package, and all packages of their fields. A node uses a fifth of
+them; the others are a hundred modules, 3 MiB of a node's 32, and a fifth of its start-up time.
 """
 
 from __future__ import annotations
@@ -13,19 +13,20 @@ from types import ModuleType
 from typing import Any, Iterator, List, Optional, Sequence
 
 KINDS = ("msg", "srv")
+"""Subpackages with messages and services."""
 PARTS = ("Request", "Response")
-"""What stands beside a service in its module, by the end of its name."""
-_LINE = re.compile(r"from \._(\w+) import \*$")
+"""Suffixes of the further classes in a service's module."""
+_LINE = re.compile(r"from \._(\w+) import \*$")  # the lines of a generated package's __init__.py
 
 
 class MessagePackage(importlib.machinery.SourceFileLoader):
-    """Loads a package of messages with none of them; each is imported when it is first asked for, with its fields' own.
+    """Loads a message package without its messages; each is imported at the first access (PEP 562).
 
-    They are looked for at once, lest the first goal wait for them.
+    With a message, those of its fields are imported at once, so that the first goal does not wait for them.
     """
 
     def exec_module(self, module: ModuleType) -> None:
-        """Fill the package, as it stands where it is anything else than messages and nothing but them."""
+        """Set up the package; execute it as usual where its __init__.py has more than imports of messages."""
         modules = _modules_of(self.get_data(self.path).decode("utf-8", "replace"))
         if not modules:
             super().exec_module(module)
@@ -47,17 +48,16 @@ class MessagePackage(importlib.machinery.SourceFileLoader):
 
 
 class MessageFinder:
-    """Finds packages of messages as others would, to be read message by message."""
+    """A meta path finder that loads message packages by MessagePackage."""
 
     def find_spec(
         self, name: str, path: Optional[Sequence[str]] = None, target: Optional[ModuleType] = None
     ) -> Optional[importlib.machinery.ModuleSpec]:
-        """Return how to load a module, None where that is left to others; called by Python's import.
+        """Return the spec of PACKAGE.msg or PACKAGE.srv, None for other modules; called by Python's import.
 
         Args:
-            name: Its full name.
-            path: Folders of the package it belongs to.
-            target: As importlib has it.
+            name: Full name of the module.
+            path, target: As for importlib.abc.MetaPathFinder.find_spec.
         """
         package, _, kind = name.rpartition(".")
         if kind not in KINDS or not package or "." in package:
@@ -69,13 +69,13 @@ class MessageFinder:
 
 
 def _modules_of(text: str) -> List[str]:
-    """Return the modules, without their underscore, of which a package takes all there is; none where it does more."""
+    """Return the modules, without underscore, that an __init__.py imports all of; empty where it has other lines."""
     found = [_LINE.match(line) for line in text.splitlines() if line.strip()]
     return [match.group(1) for match in found if match] if all(found) else []
 
 
 def _places(modules: Sequence[str], are_services: bool) -> Iterator[Any]:
-    """Yield each class of a package and the module it stands in."""
+    """Yield the name of each class of a package and its module."""
     for name in modules:
         yield name, name
         if are_services:

@@ -1,8 +1,8 @@
-"""What rospy does for each message that comes, done with less.
+"""Receiving messages with less CPU time than rospy.
 
-A message finds a node asleep and its code in no cache: what takes 10 microseconds in a loop then takes 150, nearly all
-of them spent on fetching what is executed. `/clock` alone, sixty times a second in each node, was a quarter of a small
-computer's work. So the usual case is a short way of its own, and whatever is unusual is left to rospy.
+When a message wakes a node, its code is in no CPU cache: what takes 10 microseconds in a loop then takes 150, nearly
+all for fetching instructions. `/clock` alone, at 60 Hz in each node, took a quarter of a small computer's time. So the
+usual case has a short code path, and everything else is left to rospy.
 """
 
 from __future__ import annotations
@@ -21,27 +21,27 @@ from rospy.exceptions import TransportTerminated
 from rospy.impl.tcpros_base import TCPROSTransport, TCPROSTransportProtocol
 
 CLOCK_PAUSE = 0.1
-"""Wall seconds between two looks at /clock of a node that only dates what it says."""
+"""Wall seconds between two readings of /clock in a node that only needs it for stamps."""
 LARGEST = 1 << 26
-"""Bytes of a message beyond which room is not made on its word, before it is there."""
+"""Largest message length (bytes) for which memory is allocated before the message has arrived."""
 PIECE = 4096
-"""Bytes that are read first of a message that then tells where the rest shall lie."""
+"""Bytes that are read first of a message whose class has `make_room`; the rest is read into its own buffer."""
 _LENGTH = struct.Struct("<I")
 _receive_as_rospy = TCPROSTransport.receive_once
 
 
 def receive_with_less() -> None:
-    """Have this process receive messages and take over simulated time with less work; before rospy.init_node."""
+    """Apply this module's patches to rospy; before rospy.init_node."""
     TCPROSTransport.receive_once = receive_once
     rospy.impl.simtime._set_rostime_clock_wrapper = _clock.take
 
 
 def receive_once(transport: Any) -> Sequence[Any]:
-    """Return the messages that come next, as TCPROSTransport.receive_once does; it waits for one.
+    """Wait for messages and return them, as TCPROSTransport.receive_once does, which it replaces.
 
-    Where one read brings one message and nothing else, as nearly always, that is read from where it lies. Where it
-    brings the beginning of one, as of a cloud of points, the rest is read to where it belongs: rospy copies ten
-    megabytes five times. Where a class of messages tells where that is, by `make_room(length)`, it is handed no copy.
+    In the usual case one read returns one whole message, which is deserialized without a copy. Of a longer message, as
+    a point cloud, the rest is read into one buffer of its length, while rospy copies ten megabytes five times. A
+    message class may have `make_room(length)`, which returns that buffer; it then gets the buffer itself and no copy.
     """
     buffer, protocol = transport.read_buff, transport.protocol
     message_class = protocol.recv_data_class
@@ -53,12 +53,12 @@ def receive_once(transport: Any) -> Sequence[Any]:
         transport.socket.setblocking(True)
         data = transport.socket.recv(PIECE if make_room else protocol.buff_size)
     except OSError as error:
-        if error.errno == errno.EBADF:  # who stopped to listen has closed it: rospy would tell of it, and reconnect
+        if error.errno == errno.EBADF:  # unsubscribed in another thread: rospy would log an error and reconnect
             raise TransportTerminated("nobody listens any more") from error
-        return _receive_as_rospy(transport)  # type: ignore[no-any-return]  # which meets it too, and knows what to do
+        return _receive_as_rospy(transport)  # type: ignore[no-any-return]  # which gets the same error and handles it
     here = len(data) - _LENGTH.size
     length = _LENGTH.unpack_from(data)[0] if here >= 0 else 0
-    if not 0 <= here <= length <= max(here, LARGEST):  # a piece of one, or several
+    if not 0 <= here <= length <= max(here, LARGEST):  # less than a length, more than one message, or a huge one
         buffer.write(data)
         return _receive_as_rospy(transport)  # type: ignore[no-any-return]
     text: Union[bytes, memoryview] = data[_LENGTH.size:]
@@ -81,17 +81,17 @@ def receive_once(transport: Any) -> Sequence[Any]:
 
 
 def _read_on(transport: Any, begun: bytes, room: memoryview) -> None:
-    """Fill `room` with a message that has begun to come.
+    """Fill `room` with a message whose beginning was read already.
 
     Raises:
-        TransportTerminated: The connection ended before.
+        TransportTerminated: The connection was closed before its end.
     """
     room[:len(begun)] = begun
     rest = room[len(begun):]
     while rest:
         try:
             count = transport.socket.recv_into(rest, 0, socket.MSG_WAITALL)
-        except (OSError, AttributeError) as error:  # the latter where it was closed here
+        except (OSError, AttributeError) as error:  # AttributeError: socket is None, as it was closed in this process
             raise TransportTerminated(f"connection lost in the middle of a message: {error}") from error
         if count == 0:
             raise TransportTerminated("connection lost in the middle of a message")
@@ -99,16 +99,16 @@ def _read_on(transport: Any, begun: bytes, room: memoryview) -> None:
 
 
 class ClockReader:
-    """Takes over the times of /clock.
+    """The callback of rospy's subscriber of /clock.
 
     Attributes:
-        pause: Wall time (s) from one to the next; what comes meanwhile waits, and of that the newest counts.
+        pause: Wall time (s) to sleep after each message; of those that arrive meanwhile only the newest is read.
     """
 
     pause = 0.0
 
     def take(self, message: Clock) -> None:
-        """Take a time, in rospy's thread of /clock, which then reads on."""
+        """Set ROS time, in the thread that receives /clock."""
         set_time(message)
         if self.pause > 0.0:
             time.sleep(self.pause)
@@ -118,16 +118,15 @@ _clock = ClockReader()
 
 
 def look_at_clock_seldom() -> None:
-    """Have this process look at /clock every CLOCK_PAUSE.
+    """Read /clock only every CLOCK_PAUSE in this process.
 
-    For a node that does nothing at a time of its own and only dates what it says: to wake for each message is nearly
-    all it would ever do.
+    For a node that needs ROS time for stamps only; to wake for each message would be most of its CPU time.
     """
     _clock.pause = CLOCK_PAUSE
 
 
 def set_time(message: Clock) -> None:
-    """Show a simulated time, and wake who waits for one: rospy's own way calls what Python warns of each time."""
+    """Set ROS time and wake threads that wait for it, as rospy does, but without its deprecated notifyAll."""
     rostime._rostime_current = rostime.Time(message.clock.secs, message.clock.nsecs)
     with rostime._rostime_cond:
         rostime._rostime_cond.notify_all()

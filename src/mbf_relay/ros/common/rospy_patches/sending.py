@@ -1,15 +1,15 @@
-"""What rospy does for each message that goes out, done with less.
+"""Sending messages with less CPU time than rospy, and two defects of its publishers.
 
-rospy hands each message for each of its listeners to a thread of that listener's own, lest one that hangs hold up the
-others: sixty times a second `/clock` alone wakes ten threads. A small message that the system takes at once, since its
-buffer for that listener has room, needs no thread; whatever might have to wait is left to rospy's.
+rospy passes each message to a thread of each connection, so that a subscriber that hangs does not block the others: for
+`/clock` alone, at 60 Hz, ten threads wake up. A small message for which the socket's buffer has room is sent directly
+here; all others are left to rospy's threads.
 
-What a newcomer is told alone (rospy.SubscribeListener) rospy writes into the buffer that others publish by, without the
-lock that these take. A velocity that went out at that moment arrived as other numbers, or the wheels lost their
-connection. Here each message has the buffer to itself.
+A message for a new subscriber alone (rospy.SubscribeListener) is serialized by rospy into the topic's buffer without
+the publisher's lock. A velocity that was published at that moment arrived with other numbers, or the wheels lost their
+connection. Here the lock is taken.
 
-Of a message that cannot be written, as with a text where a number belongs, rospy leaves the part before that in the
-buffer, and no listener understands what comes after it: to them the topic is lost. Here nothing is left of it.
+Of a message that cannot be serialized, e.g. with a string in place of a number, rospy leaves the first part in the
+buffer, so that subscribers cannot read what follows. Here the buffer is cleared.
 """
 
 from __future__ import annotations
@@ -22,25 +22,25 @@ import rospy.topics
 from rospy.impl.tcpros_pubsub import QueuedConnection
 
 SMALL = 4096
-"""Bytes that the system takes in one piece where it takes any."""
+"""Largest message (bytes) sent directly: a socket that is writable accepts as much without blocking."""
 _publish_as_rospy = rospy.topics._PublisherImpl.publish
 
 
 def send_with_less() -> None:
-    """Have this process send small messages with less work, and each by itself; before its first publisher."""
+    """Apply this module's patches to rospy; before the first publisher."""
     rospy.topics.QueuedConnection = DirectConnection
     rospy.topics._PublisherImpl.publish = publish_alone
 
 
 def publish_alone(topic: Any, message: Any, connection_override: Any = None) -> Any:
-    """Publish as _PublisherImpl.publish does, while nobody else does so on the topic; a message goes out whole or not.
+    """Publish as _PublisherImpl.publish does, which it replaces, with the topic's lock held and no partial message.
 
     Raises:
         ROSException: The topic is closed.
-        ROSSerializationException, SerializationError, ValueError: The message has a field of another type than its own.
+        ROSSerializationException, SerializationError, ValueError: A field of the message has a wrong type.
     """
     lock = topic.publock
-    if lock is None:  # closed, of which rospy tells
+    if lock is None:  # closed; rospy raises the error
         return _publish_as_rospy(topic, message, connection_override)
     with lock:
         latched = topic.latch
@@ -55,18 +55,18 @@ def publish_alone(topic: Any, message: Any, connection_override: Any = None) -> 
 
 
 class DirectConnection(QueuedConnection):
-    """rospy's queue and thread for one listener, and a way past them while nothing waits there."""
+    """rospy's queue and thread for one subscriber, which a small message bypasses while the queue is empty."""
 
-    _sending = False  # somebody writes to the socket: the thread, or who publishes; guarded by _lock, as the queue is
-    _room: Optional[Any] = None
-    _queue: Any  # the base class's own, which has no types
+    _sending = False  # whether a thread writes to the socket, this one's or a publisher's; guarded by _lock
+    _room: Optional[Any] = None  # polls whether the socket is writable
+    _queue: Any  # of the base class, declared for mypy
     _error: Any
 
     def write_data(self, data: bytes) -> bool:
-        """Send what is small and can go at once, else leave it to the thread; returns True.
+        """Send a small message at once where the socket is writable, else queue it for the thread; return True.
 
         Raises:
-            TransportTerminated: The listener is gone.
+            TransportTerminated: The subscriber is gone.
         """
         with self._lock:
             if self._error:
@@ -81,10 +81,10 @@ class DirectConnection(QueuedConnection):
                 self._queue.append(data)
                 self._cond_data_available.notify()
         if not direct:
-            time.sleep(0)  # as rospy does: the thread goes on
+            time.sleep(0)  # as rospy does, to let the thread run
             return True
         try:
-            self._connection.write_data(data)  # without the lock, which a connection that ends asks for
+            self._connection.write_data(data)  # without the lock, which is taken when the connection is closed
         finally:
             with self._lock:
                 self._sending = False
@@ -93,7 +93,7 @@ class DirectConnection(QueuedConnection):
         return True
 
     def _has_room(self) -> bool:
-        """Return whether the system takes a small message at once."""
+        """Return whether the socket accepts a small message without blocking."""
         socket = self._connection.socket
         if self._connection.done or socket is None:
             return False
@@ -112,7 +112,7 @@ class DirectConnection(QueuedConnection):
             for data in queue:
                 try:
                     self._connection.write_data(data)
-                except Exception as error:  # whatever it is, who publishes next hears of it
+                except Exception as error:  # raised at the next publish
                     with self._lock:
                         self._error = error
             with self._lock:

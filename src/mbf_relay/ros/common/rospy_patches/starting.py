@@ -1,4 +1,4 @@
-"""What rospy takes its time for while a node starts, done sooner: on a small computer that is a good part of it."""
+"""A faster start of nodes: rospy's fixed waits and searches take a good part of it on a small computer."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ import rospy.impl.init
 from rospy.impl.statistics import SubscriberStatisticsLogger
 
 LOGGING = "ROS_PYTHON_LOG_CONFIG_FILE"
-"""Environment variable: the file that rospy configures Python's logging by."""
+"""Environment variable with the path of rospy's logging configuration."""
 FIRST_LOOK = 0.001
-"""Wall time (s) until rospy first looks whether the master has answered; it has after a few ms."""
+"""Wall time (s) of rospy's first sleep while it waits for its registration, which takes a few ms."""
 
 _are_there_statistics = SubscriberStatisticsLogger.is_enabled
 
 
 class SlowingClock:
-    """Stands in for the module `time` where somebody looks again and again: soon at first, ever less often."""
+    """Replaces the module `time` in code that polls: its sleeps are short at first and become longer."""
 
     def __init__(self) -> None:
         self._pause = FIRST_LOOK
@@ -31,9 +31,11 @@ class SlowingClock:
 
 
 def start_soon() -> None:
-    """Prepare rospy.init_node, which waits 0.1 s for what is there after 5 ms, and reads the manifests of all packages.
+    """Apply this module's patches to rospy; before rospy.init_node.
 
-    For each subscription rospy asks the master whether to keep statistics; the first answer holds for all.
+    init_node sleeps 0.1 s for a registration that takes 5 ms, and reads the manifests of all packages to find its
+    logging configuration. For each subscription rospy asks the master for the parameter that enables statistics; the
+    first answer is used for all.
     """
     rospy.impl.init.time = SlowingClock()
     path = logging_configuration()
@@ -43,7 +45,7 @@ def start_soon() -> None:
 
 
 def logging_configuration() -> str:
-    """Return the file rospy would find by looking through all packages for rosgraph; empty where it must look."""
+    """Return the path of rospy's logging configuration, empty where it is in none of the usual places."""
     roots = os.environ.get("ROS_PACKAGE_PATH", "").split(os.pathsep)
     folders = [os.path.join(rospkg.get_ros_home(), "config"), rospkg.get_etc_ros_dir()]
     folders += [os.path.join(root, "rosgraph", "conf") for root in roots if root]
