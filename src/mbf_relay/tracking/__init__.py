@@ -1,1 +1,1 @@
-"""What moves: clusters of a scan, followed by Kalman filters of constant velocity, and told apart from what stands."""
+"""Detection and tracking of moving objects in laser scans: clusters, constant-velocity Kalman filters, tracks."""

@@ -1,5 +1,5 @@
 # mypy: allow-untyped-defs, allow-untyped-calls
-"""Compiled loops of the clusters: a scan cut into things, and the disc each of them is taken for."""
+"""Kernels of the clustering: segmentation of a scan into objects, and the disc that approximates each."""
 
 from __future__ import annotations
 
@@ -9,23 +9,23 @@ import numpy as np
 
 from mbf_relay.kernels import kernel
 
-FEWEST = 3  # readings that make a thing
-_BEAMS_APART = 2  # readings that follow each other at this distance or nearer, in beams, may be of one thing
-_LEAST_RADIUS = 0.03  # m
+FEWEST = 3  # least number of readings of an object
+_BEAMS_APART = 2  # largest difference of beam indices between consecutive readings of one object
+_LEAST_RADIUS = 0.03  # m, of a disc
 
 
 @kernel(
     "void(float64[:,::1], boolean[::1], float64[::1], float64[::1], float64, float64, int64[::1], float64, float64, "
     "float64[::1])")
 def measure(ends, hits, ranges, bearings, x, y, readings, gap, largest, disc):
-    """Tell which disc's near side some readings lie on: as wide as seen, its centre where they put it on the mean.
+    """Fit a disc to some readings: its diameter is their extent, its near side lies on them on average.
 
     Args:
         ends, hits, ranges, bearings, x, y: The scan; see Rays.
-        readings: Shape (M,): indices of neighbouring rays that hit the thing, at least one.
-        gap: Distance (m) by which what stands before it is nearer than its edge.
-        largest: Diameter (m) it has at most.
-        disc: Shape (4,), written: x, y, radius (m), and 1 where nothing stands before one of its edges, else 0.
+        readings: Indices of the object's neighbouring rays, one at least, shape (M,).
+        gap: Distance (m) by which an occluding object is nearer than this one's edge.
+        largest: Largest diameter (m).
+        disc: Written: x, y, radius (m), and 0 where one of its edges is occluded, else 1; shape (4,).
     """
     count, first, last = ranges.shape[0], readings[0], readings[-1]
     first_x, first_y = ends[first, 0] - x, ends[first, 1] - y
@@ -49,7 +49,7 @@ def measure(ends, hits, ranges, bearings, x, y, readings, gap, largest, disc):
 
 @kernel("float64(float64[::1], int64)")
 def _smallest(values, rank):
-    """Return the value of that rank, the lowest being 0, and put those below it before it (Hoare's selection)."""
+    """Return the value of a rank, from 0, and partition the values in place around it (quickselect, Hoare)."""
     low, high = 0, values.shape[0] - 1
     while low < high:
         pivot = values[(low + high) // 2]
@@ -74,7 +74,7 @@ def _smallest(values, rank):
 
 @kernel("float64(float64[::1])")
 def _usual_turn(bearings):
-    """Return the median angle (rad) from one bearing to the next, of two or more."""
+    """Return the median angle (rad) between consecutive bearings, of which there are two at least."""
     count = bearings.shape[0] - 1
     turns = np.empty(count)
     for index in range(count):
@@ -89,15 +89,15 @@ def _usual_turn(bearings):
     "int64(float64[:,::1], boolean[::1], float64[::1], float64[::1], float64, float64, float64, float64, "
     "float64[:,::1], int64[:,::1], int64[::1])")
 def find_things(ends, hits, ranges, bearings, x, y, gap, largest, discs, runs, order):
-    """Tell which runs of neighbouring readings are things, and return how many.
+    """Segment a scan into objects at jumps between neighbouring readings; return their number.
 
     Args:
         ends, hits, ranges, bearings, x, y: The scan of N rays; see Rays.
-        gap: Distance (m) between neighbouring readings that parts two things, where the beams lie close.
-        largest: Extent (m) above which a run is a wall.
-        discs: Shape (N, 4), written: one row for each thing; see measure.
-        runs: Shape (N, 2), written: where a thing's readings begin and end in `order`.
-        order: Shape (N,), written: the rays that hit something, thing by thing.
+        gap: Distance (m) between neighbouring readings that separates two objects; more where beams are far apart.
+        largest: Extent (m) above which a segment is a wall.
+        discs: Written: a row for each object, see `measure`; shape (N, 4).
+        runs: Written: begin and end of each object's readings in `order`; shape (N, 2).
+        order: Written: indices of the rays that hit, object by object; shape (N,).
     """
     count, found = hits.shape[0], 0
     hitting = np.empty(count, np.int64)

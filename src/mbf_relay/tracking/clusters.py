@@ -1,4 +1,5 @@
-"""Things in a scan: runs of neighbouring readings that a gap in depth sets off from what is round them."""
+"""Objects in a scan: segments of neighbouring readings that are separated by jumps in range from what is around them.
+"""
 
 from __future__ import annotations
 
@@ -11,13 +12,13 @@ from mbf_relay.tracking.cluster_kernels import FEWEST
 
 
 class Rays(NamedTuple):
-    """One scan, in a frame that stands still.
+    """One scan, in a fixed frame.
 
     Attributes:
-        x, y: Where the sensor was (m).
-        ends: Shape (N, 2): where its rays end (m), in the order of the beams.
-        hits: Shape (N,), bool: whether anything was there.
-        ranges, bearings: Shape (N,): metres, and radians in the frame.
+        x, y: Position of the sensor (m).
+        ends: End points of its rays (m), in the order of the beams, shape (N, 2).
+        hits: Whether each ray hit something, shape (N,), bool.
+        ranges, bearings: Ranges (m), and directions (rad) in the frame, shape (N,).
     """
 
     x: float
@@ -29,12 +30,12 @@ class Rays(NamedTuple):
 
 
 class Clusters(NamedTuple):
-    """The things in one scan, taken for discs.
+    """The objects in one scan, approximated by discs.
 
     Attributes:
-        discs: Shape (K, 4): x, y and radius in metres; 1 where nothing nearer stands before one of the edges, else 0.
-        runs: Shape (K, 2): where the readings of each begin and end in `order`.
-        order: Indices of rays.
+        discs: x, y and radius (m), and 0 where an edge is occluded, else 1; shape (K, 4).
+        runs: Begin and end of each object's readings in `order`, shape (K, 2).
+        order: Indices of rays, object by object.
     """
 
     discs: np.ndarray
@@ -42,24 +43,24 @@ class Clusters(NamedTuple):
     order: np.ndarray
 
     def readings(self, index: int) -> np.ndarray:
-        """Return the indices of the rays that hit one of the things."""
+        """Return the indices of the rays that hit an object, given by its index."""
         begin, end = self.runs[index]
         return self.order[begin:end]
 
 
 def rays_of(x: float, y: float, ends: np.ndarray, hits: np.ndarray) -> Rays:
-    """Return rays with their ranges and bearings; `ends` of shape (N, 2) and `hits` of shape (N,) as in Rays."""
+    """Return a scan with ranges and bearings computed; arguments as in Rays."""
     across, up = ends[:, 0] - x, ends[:, 1] - y
     return Rays(x, y, ends, hits, np.hypot(across, up), np.arctan2(up, across))
 
 
 def find_clusters(rays: Rays, gap: float, largest: float) -> Clusters:
-    """Return the things in a scan that are small enough to be seen as a whole.
+    """Return the objects in a scan up to a size.
 
     Args:
         rays: The scan.
-        gap: Distance (m) between neighbouring readings that parts two things, where the beams lie close.
-        largest: Extent (m) above which it is a wall.
+        gap: Distance (m) between neighbouring readings that separates two objects; more where beams are far apart.
+        largest: Extent (m) above which a segment is a wall.
     """
     count = len(rays.hits)
     discs, runs, order = np.empty((count, 4)), np.empty((count, 2), np.int64), np.empty(count, np.int64)
@@ -68,19 +69,19 @@ def find_clusters(rays: Rays, gap: float, largest: float) -> Clusters:
 
 
 def _scan(rays: Rays) -> Tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, float, float]:
-    """Return a scan as kernels take it."""
+    """Return a scan as arguments of kernels."""
     return rays.ends, rays.hits, rays.ranges, rays.bearings, rays.x, rays.y
 
 
 def part_clusters(found: Clusters, rays: Rays, expected: np.ndarray, moving: np.ndarray, gap: float) -> Clusters:
-    """Return clusters with those parted that are of several things, near something that moves.
+    """Return the clusters, with those near moving objects split that contain several expected objects.
 
     Args:
-        found: Of the scan.
+        found: The clusters of the scan.
         rays: The scan.
-        expected: Shape (N, 3): x, y and radius (m) of the things that may be there.
-        moving: Shape (N,), bool: which of them move.
-        gap: Distance (m) from the edge of a thing within which a reading may be of it.
+        expected: x, y and radius (m) of the objects that may be there, shape (N, 3).
+        moving: Which of them move, shape (N,), bool.
+        gap: Distance (m) from an object's edge within which a reading may belong to it.
     """
     movers, discs, readings = expected[moving], [], []
     for index, disc in enumerate(found.discs):
@@ -96,13 +97,13 @@ def part_clusters(found: Clusters, rays: Rays, expected: np.ndarray, moving: np.
 
 
 def _part(disc: np.ndarray, readings: np.ndarray, rays: Rays, expected: np.ndarray, gap: float) -> List[np.ndarray]:
-    """Return the readings of the things a cluster is of, where several are expected there; empty where it is one.
+    """Split a cluster's readings among the objects expected there; empty where it is only one.
 
-    Each reading is of the nearest. Things that pass close by each other, one before the other, are one run of readings.
+    Each reading belongs to the nearest object. Objects that pass close to each other are one segment of readings.
 
     Args:
-        disc: Shape (4,): the cluster; see Clusters.
-        readings: Its rays.
+        disc: The cluster, shape (4,); see Clusters.
+        readings: Indices of its rays.
         rays, expected, gap: As for `part_clusters`.
     """
     near = np.hypot(expected[:, 0] - disc[0], expected[:, 1] - disc[1]) < disc[2] + expected[:, 2] + gap
@@ -120,7 +121,7 @@ def _part(disc: np.ndarray, readings: np.ndarray, rays: Rays, expected: np.ndarr
 
 
 def _disc_of(rays: Rays, readings: np.ndarray, gap: float, largest: float) -> np.ndarray:
-    """Return the disc of a part of a cluster, of which never the whole is seen."""
+    """Return the disc of a part of a cluster, which always counts as occluded."""
     disc = np.empty(4)
     cluster_kernels.measure(*_scan(rays), readings, gap, largest, disc)
     disc[3] = 0.0

@@ -1,4 +1,4 @@
-"""What can be set of the tracker."""
+"""Parameters of the tracker."""
 
 from __future__ import annotations
 

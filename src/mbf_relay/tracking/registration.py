@@ -1,4 +1,4 @@
-"""A scan laid on the one before it: what odometry has wrong between them is no motion of what stands."""
+"""Scan matching: aligns a scan with the one before, lest errors of odometry look like motion of objects."""
 
 from __future__ import annotations
 
@@ -12,23 +12,23 @@ from mbf_relay.tracking import tracker_kernels
 from mbf_relay.tracking.clusters import Rays
 
 NOISE = 0.02
-"""Deviation (m) of a reading from the wall it is of."""
+"""Standard deviation (m) of a reading's distance from its wall."""
 GATES = np.array((0.5, 0.25, 0.12, 0.12))
-"""Metres beyond which a reading is of something else, for one step of Gauss and Newton after the other."""
+"""Largest distance (m) between a reading and its wall in each Gauss-Newton step."""
 TURNED = 0.1
-"""Radians that odometry turns wrongly on a metre, as a multiple of its error's share."""
+"""Factor (rad/m): heading error of odometry per metre driven is `share` times this."""
 FEWEST = 3
-"""Rays of a scan that can be laid on another."""
+"""Least number of rays of scans that are matched."""
 LEAST = 1e-4
-"""Deviation (m, rad) of odometry that stands: it does not turn a scan round who walks past a robot that waits."""
+"""Standard deviation (m, rad) of odometry at standstill; so small that people walking past do not move the scan."""
 
 
 class Walls(NamedTuple):
-    """A scan as the next one is laid on it.
+    """The reference scan for matching the next one.
 
     Attributes:
-        x, y: Where it was taken (m).
-        heading: Which way the sensor faced (rad).
+        x, y: Position of the sensor (m).
+        heading: Heading of the sensor (rad).
         directions, points, solid: See `tracker_kernels.pull`.
     """
 
@@ -41,7 +41,14 @@ class Walls(NamedTuple):
 
 
 def walls_of(rays: Rays, heading: float, order: np.ndarray, moving: np.ndarray) -> Walls:
-    """Return a scan without what moves in it; `order`, which sorts its bearings, and `moving` of shape (N,)."""
+    """Return a scan as a reference, without moving objects.
+
+    Args:
+        rays: The scan.
+        heading: Heading of the sensor (rad).
+        order: Indices that sort the bearings, shape (N,).
+        moving: Which rays hit a moving object, shape (N,), bool.
+    """
     return Walls(
         rays.x, rays.y, heading, rays.bearings[order],
         np.ascontiguousarray(rays.ends[order]), (rays.hits & ~moving)[order])
@@ -50,17 +57,17 @@ def walls_of(rays: Rays, heading: float, order: np.ndarray, moving: np.ndarray) 
 def misplaced(
     before: Walls, x: float, y: float, heading: float, ends: np.ndarray, hits: np.ndarray, share: float
 ) -> Optional[Pose2D]:
-    """Return what takes a scan from where odometry has it to where the one before says it was; None where nothing does.
+    """Return the transform that corrects a scan's pose by odometry, from matching it with the scan before.
 
-    By the least squares of its readings' distances to the lines of the other, with what odometry says as a prior that
-    is as wide as it has moved: Gutmann, Weiss, Censi, "An ICP variant using a point-to-line metric" (2008), for the
-    lines.
+    None where the scans are too small or the robot stands. Minimizes point-to-line distances, with odometry as a prior
+    whose standard deviation is proportional to the motion; Censi, "An ICP variant using a point-to-line metric" (2008),
+    for the metric.
 
     Args:
         before: The scan before.
-        x, y, ends, hits: The scan, where odometry has it; see `Rays`. It need not have as many rays as the other.
-        heading: Which way the sensor faced (rad), likewise.
-        share: Of its motion between the two by which odometry may be wrong.
+        x, y, ends, hits: The scan, placed by odometry; see `Rays`. The number of rays may differ.
+        heading: Heading of the sensor by odometry (rad).
+        share: Standard deviation of odometry relative to the motion between the scans.
     """
     if len(before.directions) < FEWEST or len(ends) < FEWEST:
         return None

@@ -1,4 +1,4 @@
-"""A thing that moves, as the tracker knows it."""
+"""A track: the estimated state of a moving object."""
 
 from __future__ import annotations
 
@@ -11,17 +11,17 @@ from mbf_relay.geometry import Pose2D
 
 
 class Track(NamedTuple):
-    """One moving thing, taken for a disc, in the frame of the scans it was seen in.
+    """A moving object, approximated by a disc, in the frame of the scans.
 
     Attributes:
-        number: Tells apart the tracks of one tracker, and of those it shares numbers with; never used twice.
-        stamp: Time (s) of what follows.
+        number: Unique id among the tracks of one tracker, and of those it shares numbers with.
+        stamp: Time (s) of the state.
         x, y: Its centre (m).
         vx, vy: Its velocity (m/s).
-        radius: Metres.
-        position_variance: Of x and of y alike (m^2).
-        covariance: Of x with vx and of y with vy (m^2/s).
-        velocity_variance: Of vx and of vy alike (m^2/s^2).
+        radius: Its radius (m).
+        position_variance: Variance of x, equal to that of y (m^2).
+        covariance: Covariance of x and vx, equal to that of y and vy (m^2/s).
+        velocity_variance: Variance of vx, equal to that of vy (m^2/s^2).
     """
 
     number: int
@@ -37,17 +37,17 @@ class Track(NamedTuple):
 
     @property
     def speed(self) -> float:
-        """Metres per second."""
+        """Its speed (m/s)."""
         return math.hypot(self.vx, self.vy)
 
     def seen_from(self, frame: Pose2D) -> Track:
-        """Return it in another frame, in which `frame` is where the one it is given in lies."""
+        """Return the track in another frame; `frame` is the pose of its present frame in that one."""
         x, y, _ = frame.compose(Pose2D(self.x, self.y, 0.0))
         vx, vy, _ = Pose2D(0.0, 0.0, frame.theta).compose(Pose2D(self.vx, self.vy, 0.0))
         return self._replace(x=x, y=y, vx=vx, vy=vy)
 
     def at(self, time: float) -> Track:
-        """Return it where it will be at a time (s) if it goes on as it does."""
+        """Return the track predicted to a time (s) at constant velocity, without process noise."""
         ahead = time - self.stamp
         spread = self.position_variance + 2.0 * ahead * self.covariance + ahead * ahead * self.velocity_variance
         return self._replace(
@@ -57,6 +57,9 @@ class Track(NamedTuple):
 
 
 def as_array(tracks: Sequence[Track], now: float) -> np.ndarray:
-    """Return tracks at a time (s) for kernels: rows x, y, vx, vy, radius, and the variances of Track; shape (K, 8)."""
+    """Return tracks predicted to a time (s) for kernels, shape (K, 8).
+
+    Columns are x, y, vx, vy, radius, position_variance, covariance, velocity_variance.
+    """
     rows = [track.at(now)[2:] for track in tracks]
     return np.array(rows, dtype=float).reshape(len(rows), 8)

@@ -1,4 +1,4 @@
-"""The tracker: which clusters of each scan are the things of the last one, and which of them move."""
+"""The tracker: associates the clusters of each scan with known objects, and decides which of them move."""
 
 from __future__ import annotations
 
@@ -28,19 +28,22 @@ from mbf_relay.tracking.tracker_kernels import (
     Y,
 )
 
-GATE = 9.0  # squared deviations within which a cluster may be a thing seen before
-SURPRISE = 3.0  # squared deviations from its place, as foreseen, from which on what moves has stopped or turned
-FIRST_SPEED = 0.5  # m/s: deviation of the velocity of a thing seen for the first time
-DEPTH = 0.08  # m behind a place that must have been seen for it to have been empty
-ASIDE = 0.05  # m to both sides of it that must have been seen past as well, for no scan lies where it was on the last
-LONGER = 2.5  # factor on the memory: who is slow has not left his place after the first time, and has after the second
-CONVINCED, MOST_CONVINCED = 2, 5  # scans in favour, less those against: when a thing moves, and the most that counts
-HIDDEN_PATIENCE = 3.0  # factor on how long a thing that moves is remembered while something stands before it
-HIDDEN_NOISE = 4.0  # factor on the deviation where only a part is seen
+GATE = 9.0  # squared Mahalanobis distance up to which a cluster is associated with an object
+SURPRISE = 3.0  # squared Mahalanobis distance from its prediction above which a moving object has stopped or turned
+FIRST_SPEED = 0.5  # m/s, standard deviation of a new object's velocity
+DEPTH = 0.08  # m beyond a point that an earlier scan must have seen for the point to have been free
+ASIDE = 0.05  # m to both sides of the point that it must have seen past as well, as scans are not aligned exactly
+LONGER = 2.5  # factor on track_memory for a second, older scan: a slow object covers its own place in the first one
+CONVINCED, MOST_CONVINCED = 2, 5  # belief (scans in favour of motion less those against) to count as moving; its limit
+HIDDEN_PATIENCE = 3.0  # factor on track_patience for a moving object that is occluded
+HIDDEN_NOISE = 4.0  # factor on track_noise where an object is partly occluded
 
 
 class _Depths(NamedTuple):
-    """How far a scan saw: where it was taken (m), and its rays by their directions; see tracker_kernels.arrange."""
+    """The free space of an earlier scan: the sensor's position (m), and depths by direction.
+
+    See `tracker_kernels.arrange`.
+    """
 
     x: float
     y: float
@@ -52,16 +55,17 @@ _NOTHING = _Depths(0.0, 0.0, np.zeros(0), np.zeros(0))
 
 
 class Tracker:
-    """Follows what is seen in scans by constant-velocity Kalman filters, and tells what moves.
+    """Tracks objects in scans by constant-velocity Kalman filters, and decides which of them move.
 
-    Each coordinate has the same filter, as a disc has no sides. A thing moves if its velocity differs from zero for
-    sure *and* it stood once where a while before the lidar had seen through: what merely comes into view, or seems to
-    move because more of it does, passes the first test and not the second. A place was seen through where what is
-    beside it was, too: along a wall beams pass that by a hair would have met it. What moves straight away from the
-    lidar passes neither: it hid where it goes to.
+    The filters of both coordinates are the same, as a disc is symmetric. An object moves if its velocity differs
+    significantly from zero *and* it was once at a place that an earlier scan had seen as free. Objects that come into
+    view, or that seem to move as more of them becomes visible, pass the first test but not the second. A place counts
+    as free only if its surroundings were free, too: along a wall, beams pass by points that they nearly hit. An object
+    that moves straight away from the lidar passes neither test, since it occludes the place where it goes.
 
-    Constant velocity is what people have till they turn. Who moves and is off the place foreseen has turned or stopped:
-    his velocity is then what his new place says, and he is looked for as far back as he can have come.
+    People move at constant velocity until they turn or stop. Where a moving object is far off its prediction, its
+    velocity is made uncertain, so that the new position determines it; the gate includes the places to which it may
+    have turned back.
 
     Source: Arras, Grzonka, Luber, Burgard, "Efficient people tracking in laser range data" (2008), for segments and
     filters; Wang, Thorpe, Thrun, "Online simultaneous localization and mapping with detection and tracking of moving
@@ -70,29 +74,29 @@ class Tracker:
 
     Attributes:
         parameters: The values in force.
-        moving: Shape (N,), bool: which rays of the last scan end on what moves.
+        moving: Which rays of the last scan hit a moving object, shape (N,), bool.
     """
 
     def __init__(self, parameters: TrackerParameters, numbers: Optional[Iterator[int]] = None) -> None:
-        """Follow nothing yet; `numbers` of tracks are shared by trackers whose tracks must not be confused."""
+        """Begin without objects; `numbers` can be shared by trackers, so that their tracks' numbers differ."""
         self.parameters = parameters
         self._numbers = itertools.count(1) if numbers is None else numbers
         self.reset()
 
     def reset(self) -> None:
-        """Forget everything; numbers are not used again."""
+        """Forget all scans and objects; track numbers are not used again."""
         self._stamp: Optional[float] = None
         self._history: Deque[Tuple[float, _Depths]] = deque()
-        self._things = np.zeros((0, COLUMNS))  # a row each; see tracker_kernels
-        self._frame = IDENTITY  # in which all this is: that of scans laid on each other, for odometry's goes astray
+        self._things = np.zeros((0, COLUMNS))  # the objects, a row each; see tracker_kernels
+        self._frame = IDENTITY  # pose of the caller's frame in that of matched scans, in which all is kept
         self._walls: Optional[Walls] = None
-        self._tracks: Optional[Tuple[Track, ...]] = None  # once asked for
+        self._tracks: Optional[Tuple[Track, ...]] = None  # cache of `tracks`
         self.moving = np.zeros(0, dtype=bool)
 
     @property
     def tracks(self) -> Tuple[Track, ...]:
-        """What moves, as of the last scan."""
-        if self._tracks is None:  # asked for several times a scan
+        """The moving objects at the last scan, in the caller's frame."""
+        if self._tracks is None:
             self._tracks = self._find_tracks()
         return self._tracks
 
@@ -115,21 +119,21 @@ class Tracker:
     def update(
         self, x: float, y: float, ends: np.ndarray, hits: np.ndarray, stamp: float, heading: Optional[float] = None
     ) -> None:
-        """Take a scan.
+        """Process a scan.
 
-        A scan that is older than the last one, or much younger, begins anew: a clock was set.
+        The tracker is reset where the scan is older than the last one, or later by more than track_patience.
 
         Args:
-            x, y: Where the sensor was (m), in a frame that stands still.
-            ends: Shape (N, 2), where its rays end (m), in the order of the beams; finite.
-            hits: Shape (N,), bool: whether anything was there.
+            x, y: Position of the sensor (m), in a fixed frame.
+            ends: End points of its rays (m), in the order of the beams, finite, shape (N, 2).
+            hits: Whether each ray hit something, shape (N,), bool.
             stamp: Time (s).
-            heading: Which way the sensor faced (rad), in that frame; None for that of the first ray, which must be the
-                same beam's every time then.
+            heading: Heading of the sensor (rad) in that frame; where None, the direction of the first ray, which must
+                then always be the same beam's.
         """
         elapsed = None if self._stamp is None else stamp - self._stamp
         if elapsed is not None and elapsed == 0.0:
-            if len(hits) != len(self.moving):  # another scan of that moment, in whose rays nothing is known to move
+            if len(hits) != len(self.moving):  # another scan with the same stamp: nothing is known of its rays
                 self.moving = np.zeros(len(hits), dtype=bool)
             return
         if elapsed is not None and not 0.0 < elapsed <= self.parameters.track_patience:
@@ -158,7 +162,7 @@ class Tracker:
             self._walls = walls_of(rays, heading + self._frame.theta, order, self.moving)
 
     def _laid(self, x: float, y: float, heading: float, ends: np.ndarray, hits: np.ndarray) -> Rays:
-        """Return a scan as it lies on the one before it, in the frame of the first."""
+        """Return a scan in the frame of matched scans, after matching it with the one before."""
         x, y, ends = _taken_to(self._frame, x, y, ends)
         if self._walls is not None:
             wrong = misplaced(
@@ -174,7 +178,7 @@ class Tracker:
             self._things, elapsed, elapsed ** 2, 0.25 * q * elapsed ** 4, 0.5 * q * elapsed ** 3, q * elapsed ** 2)
 
     def _clusters(self, rays: Rays) -> Clusters:
-        """Return the things in a scan, those parted that run into one where something moves."""
+        """Return the clusters of a scan, split where moving objects have merged with others."""
         gap = self.parameters.track_gap
         found = find_clusters(rays, gap, self.parameters.track_largest)
         sure = self._things[:, BELIEF] >= CONVINCED
@@ -188,11 +192,11 @@ class Tracker:
         return np.where(clusters.discs[:, 3] > 0.0, whole * whole, hidden * hidden)
 
     def _judge(self, clusters: Clusters, taken: np.ndarray, rays: Rays) -> None:
-        """Take what speaks for and against the moving of what was seen.
+        """Update the belief that each object moves, and `moving`.
 
         Args:
-            clusters: Of the scan.
-            taken: Shape (K,): which thing each is, -1 for none.
+            clusters: The clusters of the scan.
+            taken: The object of each cluster, -1 for none, shape (K,).
             rays: The scan.
         """
         self.moving = np.zeros(len(rays.hits), dtype=bool)
@@ -203,12 +207,12 @@ class Tracker:
             self.moving)
 
     def _drop_old_scans(self, stamp: float) -> None:
-        """Keep of the scans those that tell what was empty."""
+        """Drop scans that are older than needed for free space."""
         while len(self._history) > 1 and stamp - self._history[1][0] >= LONGER * self.parameters.track_memory - 1e-6:
             self._history.popleft()
 
     def _seen_before(self, age: float) -> _Depths:
-        """Return how far the youngest scan saw that is so old (s), nothing where none is."""
+        """Return the newest scan of at least an age (s), an empty one where there is none."""
         assert self._stamp is not None
         for seen, depths in reversed(self._history):
             if self._stamp - seen >= age - 1e-6:
@@ -216,11 +220,11 @@ class Tracker:
         return _NOTHING
 
     def _begin(self, discs: np.ndarray, noises: np.ndarray, taken: np.ndarray, stamp: float) -> None:
-        """Follow things seen for the first time.
+        """Add an object for each cluster without one.
 
         Args:
             discs, noises: The clusters; see tracker_kernels.
-            taken: Shape (K,): below 0 for those.
+            taken: The object of each cluster, -1 for none, shape (K,).
             stamp: Time (s).
         """
         new = (taken < 0).nonzero()[0]
@@ -244,7 +248,7 @@ class Tracker:
         self._things = self._things[kept]
 
     def _is_hidden(self, thing: int, rays: Rays) -> bool:
-        """Return whether something stands before the place where a thing should be by now."""
+        """Return whether an object is occluded at its predicted position."""
         across, up = self._things[thing, X] - rays.x, self._things[thing, Y] - rays.y
         turns = np.abs(rays.bearings - np.arctan2(up, across))
         if not len(turns):
@@ -254,7 +258,7 @@ class Tracker:
 
 
 def _taken_to(frame: Pose2D, x: float, y: float, ends: np.ndarray) -> Tuple[float, float, np.ndarray]:
-    """Return where a scan was taken, and where its rays end, in another frame; as for `Tracker.update`."""
+    """Return a scan's position and end points in another frame, in which `frame` is the pose of the present one."""
     if frame == IDENTITY:
         return x, y, ends
     (x, y), ends = frame.transform_points(np.array([[x, y]]))[0].tolist(), frame.transform_points(ends)

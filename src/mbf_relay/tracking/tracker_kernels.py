@@ -1,8 +1,8 @@
 # mypy: allow-untyped-defs, allow-untyped-calls
-"""Compiled loops of the tracker: prediction, association, correction, what was seen to be empty, scan laid on scan.
+"""Kernels of the tracker: prediction, association, correction, test of free space, scan matching.
 
-Things lie in one table, a row each; its columns are the module's names. Each loop does in the tracker's order what its
-plain reference in the tests does with whole arrays, to the last bit.
+The objects are the rows of one table, whose columns are named here. Each kernel gives the same result, bit by bit, as
+its NumPy reference in the tests.
 """
 
 from __future__ import annotations
@@ -14,27 +14,27 @@ import numpy as np
 from mbf_relay.kernels import kernel
 
 X, Y, VX, VY = 0, 1, 2, 3
-POSITION, CROSS, VELOCITY = 4, 5, 6  # variances of position, position with velocity, velocity; alike for x and y
-RADIUS, SEEN, BELIEF, NUMBER = 7, 8, 9, 10
+POSITION, CROSS, VELOCITY = 4, 5, 6  # variance of position, its covariance with velocity, variance of velocity
+RADIUS, SEEN, BELIEF, NUMBER = 7, 8, 9, 10  # m; time (s) of the last cluster; see Tracker's CONVINCED; track number
 COLUMNS = 11
 
-_SEEN_EMPTY = 0.25  # share of its readings where there was nothing before, from which on a thing may have come there
-_SURE = 1.0  # deviations of the velocity by which it must differ from zero: its place is the test that standing fails
-_HALF_HIDDEN = 0.2  # of a scan: what standing still counts there; who passes behind something is soon out again
-_IN_VIEW = 0.1  # rad between a direction and the beam that looked there
-_BASE = 0.08  # m between two readings of a wall from which on noise does not hide which way it runs
-_WIDEST = 0.3  # m between them beyond which they are of two things
-_ASIDE = 4  # readings to either side among which they are looked for
+_SEEN_EMPTY = 0.25  # share of an object's readings at places that were free before, from which on it has come there
+_SURE = 1.0  # standard deviations by which a velocity must differ from zero; low, as free space is the stricter test
+_HALF_HIDDEN = 0.2  # what a scan without motion counts against a moving object that is partly occluded
+_IN_VIEW = 0.1  # rad, largest angle between a direction and the nearest beam for which that direction was in view
+_BASE = 0.08  # m, least distance of two readings of a wall that define its direction in spite of noise
+_WIDEST = 0.3  # m, largest distance between them; farther apart they may belong to two objects
+_ASIDE = 4  # readings to either side among which they are searched
 
 
 @kernel("void(float64[:,::1], float64, float64, float64, float64, float64)")
 def predict(things, elapsed, squared, position_noise, cross_noise, velocity_noise):
-    """Move things on by constant velocity.
+    """Predict objects by constant velocity.
 
     Args:
-        things: Shape (N, 11), changed.
-        elapsed, squared: Seconds, and their square.
-        position_noise, cross_noise, velocity_noise: What the acceleration adds to the variances meanwhile.
+        things: The objects, shape (N, 11), changed.
+        elapsed, squared: Time step (s), and its square.
+        position_noise, cross_noise, velocity_noise: Process noise of the step, from a random acceleration.
     """
     for n in range(things.shape[0]):
         position, cross, velocity = things[n, POSITION], things[n, CROSS], things[n, VELOCITY]
@@ -47,16 +47,17 @@ def predict(things, elapsed, squared, position_noise, cross_noise, velocity_nois
 
 @kernel("void(float64[:,::1], float64[:,::1], float64[::1], float64, float64, float64, int64[::1])")
 def associate(things, discs, noises, gate, elapsed, convinced, taken):
-    """Find for each cluster the thing it is: the nearest pairs first, by deviations; of pairs as near, the first.
+    """Associate clusters with objects, greedily by rising Mahalanobis distance; of equal pairs, the first.
 
     Args:
-        things: Shape (N, 11).
-        discs: Shape (K, 4): the clusters.
-        noises: Shape (K,): variances (m^2) of their centres.
-        gate: Squared deviations within which a cluster may be a thing.
-        elapsed: Seconds since the last scan: who moved and turned back right after it is twice his way in them off.
-        convinced: Belief from which on a thing moves.
-        taken: Shape (K,), written: the thing, -1 for none.
+        things: The objects, shape (N, 11).
+        discs: The clusters, shape (K, 4).
+        noises: Variances (m^2) of their centres, shape (K,).
+        gate: Largest squared Mahalanobis distance.
+        elapsed: Time since the last scan (s). The gate of a moving object is wider by twice its way in that time, which
+            is how far it is off its prediction if it has turned back.
+        convinced: Belief from which on an object moves.
+        taken: Written: the object of each cluster, -1 for none, shape (K,).
     """
     count = discs.shape[0]
     taken[:] = -1
@@ -90,16 +91,16 @@ def associate(things, discs, noises, gate, elapsed, convinced, taken):
 
 @kernel("void(float64[:,::1], float64[:,::1], float64[::1], int64[::1], float64, float64, float64, float64)")
 def correct(things, discs, noises, taken, stamp, elapsed, surprise, convinced):
-    """Take where things were seen, and how large.
+    """Update the objects' states and radii by their clusters.
 
     Args:
-        things: Shape (N, 11), changed.
-        discs, noises, taken: See `associate`; a disc's last column tells whether the whole of it was seen.
+        things: The objects, shape (N, 11), changed.
+        discs, noises, taken: See `associate`; a disc's last column is 0 where it is partly occluded.
         stamp: Time (s).
-        elapsed: Seconds since the last scan.
-        surprise: Squared deviations from its place, as foreseen, from which on what moves has stopped or turned: its
-            velocity is as uncertain then as it was high.
-        convinced: Belief from which on a thing moves.
+        elapsed: Time since the last scan (s).
+        surprise: Squared Mahalanobis distance above which a moving object has stopped or turned; the variance of its
+            velocity is then raised by its squared speed.
+        convinced: Belief from which on an object moves.
     """
     for k in range(discs.shape[0]):
         n = taken[k]
@@ -130,12 +131,14 @@ def correct(things, discs, noises, taken, stamp, elapsed, surprise, convinced):
 
 @kernel("void(float64[::1], float64[::1], int64[::1], float64[::1], float64[::1])")
 def arrange(bearings, ranges, order, directions, depths):
-    """Sort a scan by its directions, each as deep as the least of it and its neighbours: an edge sees past itself.
+    """Sort a scan by direction, with each depth the minimum over the ray and its neighbours.
+
+    The minimum, because a ray that just misses an edge does not show that the place beside it is free.
 
     Args:
-        bearings, ranges: Shape (N,): of the rays (rad, m).
-        order: Shape (N,): what sorts the bearings.
-        directions, depths: Shape (N,), written.
+        bearings, ranges: Directions (rad) and ranges (m) of the rays, shape (N,).
+        order: Indices that sort the bearings, shape (N,).
+        directions, depths: Written: directions (rad), rising, and depths (m), shape (N,).
     """
     count = bearings.shape[0]
     for index in range(count):
@@ -147,7 +150,8 @@ def arrange(bearings, ranges, order, directions, depths):
 
 @kernel("int64(float64[::1], float64)")
 def _first_not_below(directions, bearing):
-    """Return the index of the first of rising directions (rad) that is not below a bearing; their number for none."""
+    """Return the index of the first of rising directions (rad) not below a bearing, by bisection; their number if none.
+    """
     low, high = 0, directions.shape[0]
     while low < high:
         middle = (low + high) // 2
@@ -160,14 +164,20 @@ def _first_not_below(directions, bearing):
 
 @kernel("float64(float64, float64)")
 def _turn(one, other):
-    """Return the turn (rad) between two directions, of -pi to pi each."""
+    """Return the absolute angle (rad) between two directions in -pi to pi."""
     turn = abs(one - other)
     return min(turn, 2.0 * math.pi - turn)
 
 
 @kernel("boolean(float64, float64, float64, float64, float64[::1], float64[::1], float64, float64)")
 def _sees_past(x, y, sensor_x, sensor_y, directions, depths, margin, aside):
-    """Return whether a scan, see `arrange`, saw `margin` (m) beyond a point at least, and beyond all `aside` (m) of it.
+    """Return whether a scan saw a point as free: beyond it by `margin` (m), and within `aside` (m) to both sides.
+
+    Args:
+        x, y: The point (m).
+        sensor_x, sensor_y: Position of the sensor (m).
+        directions, depths: The scan; see `arrange`.
+        margin, aside: See `judge`.
     """
     across, up = x - sensor_x, y - sensor_y
     bearing, distance = math.atan2(up, across), math.hypot(across, up)
@@ -195,20 +205,20 @@ def judge(
     things, discs, taken, ends, runs, order, x, y, directions, depths, other_x, other_y, other_directions, other_depths,
     slowest, margin, aside, convinced, most_convinced, moving,
 ):
-    """Take what speaks for and against the moving of what was seen, and mark the readings of what moves.
+    """Update the objects' belief to move, and mark the readings of moving objects.
 
     Args:
-        things: Shape (N, 11), changed.
+        things: The objects, shape (N, 11), changed.
         discs, taken: See `correct`.
-        ends: Shape (R, 2): where the scan's rays end (m).
+        ends: End points of the scan's rays (m), shape (R, 2).
         runs, order: The readings of cluster k are order[runs[k, 0]] to order[runs[k, 1] - 1].
-        x, y, directions, depths: A scan of a while ago: where it was taken, and see `arrange`; empty for none.
-        other_x, other_y, other_directions, other_depths: One of longer ago.
-        slowest: Speed (m/s) below which nothing moves, as what does not differ from standing for sure.
-        margin, aside: Metres beyond a reading, and to both sides of it, that must have been seen for its place to have
-            been empty.
-        convinced, most_convinced: Belief from which on a thing moves, and the highest there is.
-        moving: Shape (R,), set where readings are of what moves.
+        x, y, directions, depths: An earlier scan: position of the sensor, and see `arrange`; empty for none.
+        other_x, other_y, other_directions, other_depths: An older one.
+        slowest: Speed (m/s) below which an object does not move.
+        margin, aside: Metres beyond a point, and to both sides of it, that an earlier scan must have seen for the point
+            to have been free.
+        convinced, most_convinced: Belief from which on an object moves, and the largest belief.
+        moving: Set to True for readings of moving objects, shape (R,).
     """
     for k in range(discs.shape[0]):
         n = taken[k]
@@ -216,7 +226,7 @@ def judge(
             continue
         speed = math.hypot(things[n, VX], things[n, VY])
         is_fast = speed >= max(slowest, _SURE * math.sqrt(things[n, VELOCITY]))
-        is_known = things[n, BELIEF] >= convinced  # it came once; one that nears slowly is seen to no more
+        is_known = things[n, BELIEF] >= convinced  # not tested again: one that comes slowly nearer would fail
         came = is_known
         first, last = runs[k, 0], runs[k, 1]
         if is_fast and not is_known:
@@ -228,7 +238,7 @@ def judge(
                         and _sees_past(end_x, end_y, other_x, other_y, other_directions, other_depths, margin, aside)):
                     empty += 1
             came = empty / (last - first) >= _SEEN_EMPTY
-        # half hidden, it seems to stand or to jump
+        # a partly occluded object seems to stand or to jump
         against = -_HALF_HIDDEN if is_known and not discs[k, 3] > 0.0 else -1.0
         belief = things[n, BELIEF] + (1.0 if is_fast and came else against)
         things[n, BELIEF] = min(np.float64(most_convinced), max(0.0, belief))
@@ -241,18 +251,20 @@ def judge(
     "void(float64, float64, float64[::1], float64[:,::1], boolean[::1], float64, float64, float64[:,::1], boolean[::1],"
     " float64[::1], float64, float64, float64[:,::1])")
 def pull(x, y, directions, points, solid, at_x, at_y, ends, hits, motion, gate, noise, system):
-    """Sum up what pulls a scan on to the walls of the one before: by how far its readings lie off them.
+    """Set up the normal equations of a point-to-line scan matching step.
+
+    Each reading is compared with the line through two readings of the scan before, next to its direction.
 
     Args:
-        x, y: Where the scan before was taken (m).
-        directions, points, solid: Its directions (M,) in rising order (rad), where they end, (M, 2) in metres, and
-            whether on something that stands.
-        at_x, at_y: Where the scan was taken (m).
-        ends, hits: Where its rays end, (N, 2) in metres, and whether anything was there.
-        motion: Shape (3,): by how much it is moved (m) and turned (rad) about where it was taken.
-        gate: Metres beyond which a reading is of something else.
-        noise: Deviation (m) of a reading; those farther off count less (Cauchy).
-        system: Shape (3, 4), written: the normal equations of the motion, and their right side.
+        x, y: Position of the scan before (m).
+        directions, points, solid: Its directions (rad) in rising order, shape (M,), its end points (m), shape (M, 2),
+            and which of them are on standing objects, shape (M,).
+        at_x, at_y: Position of the scan (m).
+        ends, hits: Its end points (m), shape (N, 2), and which rays hit something, shape (N,).
+        motion: The present correction: translation (m) and rotation (rad) about the scan's position, shape (3,).
+        gate: Largest distance (m) between a reading and its line.
+        noise: Standard deviation (m) of a reading; larger distances have smaller weights (Cauchy).
+        system: Written: the matrix and the right side of the normal equations, shape (3, 4).
     """
     count = directions.shape[0]
     system[:] = 0.0
@@ -292,13 +304,13 @@ def pull(x, y, directions, points, solid, at_x, at_y, ends, hits, motion, gate, 
     "void(float64, float64, float64[::1], float64[:,::1], boolean[::1], float64, float64, float64[:,::1], boolean[::1],"
     " float64[::1], float64[::1], float64, float64[::1])")
 def lay(x, y, directions, points, solid, at_x, at_y, ends, hits, prior, gates, noise, motion):
-    """Find the motion that lays a scan on the one before, a step of Gauss and Newton for each gate.
+    """Match a scan with the one before, by a Gauss-Newton step for each gate.
 
     Args:
         x, y, directions, points, solid, at_x, at_y, ends, hits, noise: See `pull`.
-        prior: Shape (3,): by how much that it did not move is believed, the inverse of its variances (1/m^2, 1/rad^2).
-        gates: Shape (K,): metres beyond which a reading is of something else, of one step after the other.
-        motion: Shape (3,), written: by how much it is moved (m) and turned (rad) about where it was taken.
+        prior: Inverse variances of the correction, whose mean is zero (1/m^2, 1/m^2, 1/rad^2), shape (3,).
+        gates: Largest distance (m) between a reading and its line in each step, shape (K,).
+        motion: Written: translation (m) and rotation (rad) about the scan's position, shape (3,).
     """
     system = np.empty((3, 4))
     motion[:] = 0.0
@@ -307,7 +319,7 @@ def lay(x, y, directions, points, solid, at_x, at_y, ends, hits, prior, gates, n
         for i in range(3):
             system[i, i] += prior[i]
             system[i, 3] += prior[i] * motion[i]
-        for i in range(3):  # by elimination; with the prior no diagonal is 0
+        for i in range(3):  # Gaussian elimination; with the prior, no pivot is 0
             for j in range(i + 1, 3):
                 share = system[j, i] / system[i, i]
                 for k in range(i, 4):
