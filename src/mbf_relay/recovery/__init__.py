@@ -14,4 +14,4 @@ RECOVERIES = {
     ),
     "wait": "mbf_relay.recovery.wait.Wait",
 }
-"""Type names in parameter files and the classes that do that job here."""
+"""Classes by their type names in parameter files: upstream's, and this package's own."""

@@ -1,4 +1,4 @@
-"""Drive back a little, out of what the robot has got itself into."""
+"""Drives straight back a little."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from mbf_relay.parameters import ParameterSet, parameter
 from mbf_relay.recovery.maneuver import CheckedPose, look, measured
 from mbf_relay.recovery.recovery import Recovery, RecoveryContext
 
-LEAST = 2.0  # checked steps that count as having backed up at all
+LEAST = 2.0  # least distance, in steps of the footprint checker, after which a drive cut short counts as done
 
 
 @dataclass(frozen=True)
@@ -29,7 +29,7 @@ class BackUpParameters(ParameterSet):
 
 
 class BackUp(Recovery):
-    """Drives straight back, as far as it is free behind, on the costmap as it is at each step."""
+    """Drives straight back as far as the local costmap is free, which is checked at each step."""
 
     Parameters = BackUpParameters
     parameters: BackUpParameters
@@ -73,7 +73,7 @@ class BackUp(Recovery):
             wanted = min(p.speed, speed_to_stop_within(free, p.acceleration, context.period))
             speed = min(base + change, max(base - change, wanted))
             yield Twist2D(-speed, 0.0, 0.0)
-            tried += context.period  # not by the clock, which goes on in a pause
+            tried += context.period  # steps are counted, as the clock goes on while the server is paused
 
     @staticmethod
     def _free_distance(place: CheckedPose, distance: float) -> float:

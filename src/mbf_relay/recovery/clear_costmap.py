@@ -1,4 +1,4 @@
-"""Forget what was observed, near the robot or far from it."""
+"""Clears costmap layers, near the robot or far from it."""
 
 from __future__ import annotations
 
@@ -12,11 +12,10 @@ from mbf_relay.recovery.recovery import Recovery, RecoveryContext
 from mbf_relay.timing import Stopwatch
 
 FRESH_TIMEOUT = 1.0
-"""Seconds to wait for the costmaps to show what the sensors see now; a server that has rested them would wait for ever.
-"""
+"""Longest time (s) to wait for an update of the costmaps, which never comes where they are stopped."""
 
 NAMES_BY_DEFAULT = ("obstacles", "obstacle_layer")
-"""What costmap_2d calls its obstacle layer: with a list of plugins by custom, and without one."""
+"""Usual names of the obstacle layer: in lists of plugins, and costmap_2d's own where there is no list."""
 
 
 @dataclass(frozen=True)
@@ -34,12 +33,12 @@ class ClearCostmapParameters(ParameterSet):
 
 
 class ClearCostmap(Recovery):
-    """Clears layers of the costmaps and stands until they show what the sensors see now.
+    """Clears layers of the costmaps and waits until they were updated from the sensors.
 
-    With a large reset_distance it is the conservative reset of move_base, with a small one the aggressive reset.
+    With a large reset_distance it is move_base's conservative reset, with a small one its aggressive reset.
 
-    Source: clear_costmap_recovery/ClearCostmapRecovery, which lets the robot drive on at once, through what was just
-    forgotten.
+    Source: clear_costmap_recovery/ClearCostmapRecovery, which does not wait, so that the robot may drive through
+    obstacles that were just cleared.
     """
 
     Parameters = ClearCostmapParameters
@@ -49,7 +48,7 @@ class ClearCostmap(Recovery):
         """Clear, then yield stops until the costmaps were updated.
 
         Raises:
-            RecoveryError: FAILURE where no costmap has such a layer, TF_ERROR where the robot's place is not known.
+            RecoveryError: FAILURE where no costmap has such a layer, TF_ERROR where the robot's pose is not known.
         """
         p = self.parameters
         chosen = ("local", "global") if p.affected_maps == "both" else (p.affected_maps,)
@@ -75,7 +74,17 @@ class ClearCostmap(Recovery):
 def clear_round_robot(
     context: RecoveryContext, costmap: Any, layers: Tuple[str, ...], side: float, inside: bool
 ) -> None:
-    """Clear a square round the robot, or all but that; raise RecoveryError TF_ERROR where the robot's place is unknown.
+    """Clear layers of a costmap inside or outside of a square around the robot.
+
+    Args:
+        context: For the robot's pose.
+        costmap: The costmap.
+        layers: Names of the layers.
+        side: Side of the square (m).
+        inside: Whether to clear the inside; else the outside.
+
+    Raises:
+        RecoveryError: TF_ERROR where the robot's pose is not known.
     """
     try:
         pose = context.pose_in(costmap.frame)

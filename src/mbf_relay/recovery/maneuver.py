@@ -1,4 +1,4 @@
-"""What behaviours that move share: the robot on the local costmap, and its next stretch checked before it is driven."""
+"""Shared by behaviours that move: the robot's pose on the local costmap, and the collision check of its next poses."""
 
 from __future__ import annotations
 
@@ -13,19 +13,21 @@ from mbf_relay.recovery.recovery import RecoveryContext
 
 
 class CheckedPose(NamedTuple):
-    """Where the robot stands, and the footprint checker there."""
+    """The robot's pose in the local costmap's frame, and a footprint checker on a snapshot of that costmap."""
 
     pose: Pose2D
     checker: FootprintChecker
 
     def free_steps(self, poses: np.ndarray) -> int:
-        """Return how many of consecutive poses, (S, 3), are free; what the footprint touches already may stay touched.
+        """Return how many of consecutive poses, shape (S, 3), are free, from the first on.
+
+        Obstacles that the footprint touches already do not count as long as it does not go farther into them.
         """
         return self.checker.free_steps(poses, self.pose)
 
 
 def look(context: RecoveryContext, name: str) -> CheckedPose:
-    """Return the robot's place on the local costmap as it is now.
+    """Return the robot's pose on the current local costmap.
 
     Raises:
         RecoveryError: TF_ERROR where the pose is not known, FAILURE where there is no local costmap or it is too old.

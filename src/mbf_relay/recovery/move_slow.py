@@ -1,4 +1,4 @@
-"""Clear round the robot and let it drive on slowly for a while."""
+"""Clears costmaps around the robot and limits its speed for a while."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class MoveSlowParameters(ParameterSet):
 
 
 class MoveSlowAndClear(Recovery):
-    """Clears a square round the robot and limits the speed of the controller that failed, until it has got somewhere.
+    """Clears a square around the robot and limits the failed controller's speed until limited_distance is driven.
 
     Source: move_slow_and_clear/MoveSlowAndClear.
     """
@@ -43,7 +43,7 @@ class MoveSlowAndClear(Recovery):
         """Clear, limit, and yield stops until the costmaps were updated.
 
         Raises:
-            RecoveryError: TF_ERROR.
+            RecoveryError: TF_ERROR where the robot's pose is not known.
         """
         p = self.parameters
         costmaps = [costmap for costmap in context.costmaps.values() if costmap is not None]
@@ -56,6 +56,5 @@ class MoveSlowAndClear(Recovery):
 
 
 def _is_usual(layer: str) -> bool:
-    """Return whether a layer of that name is cleared where the user names none; upstream looks for "obstacles" in it.
-    """
+    """Return whether a layer is cleared where layer_names is empty; upstream's rule is a name with "obstacles"."""
     return "obstacles" in layer or layer in NAMES_BY_DEFAULT

@@ -11,7 +11,7 @@ from mbf_relay.plugins import Plugin
 
 
 class RecoveryContext(abc.ABC):
-    """What a behaviour may see and touch; its values are those of the current step."""
+    """A behaviour's interface to robot, costmaps and controller; its values are those of the current step."""
 
     @property
     @abc.abstractmethod
@@ -26,11 +26,11 @@ class RecoveryContext(abc.ABC):
     @property
     @abc.abstractmethod
     def velocity(self) -> Twist2D:
-        """The robot's velocity, body frame: as told last where commands come late, else from odometry."""
+        """The robot's velocity, body frame: from odometry, or the last command where commands take effect late."""
 
     @abc.abstractmethod
     def pose_in(self, frame: str) -> Pose2D:
-        """Return the robot's pose in `frame` when it does what it is told now.
+        """Return the robot's pose in `frame` at the time when a command of now takes effect.
 
         Raises:
             TransformError: It is not known.
@@ -44,16 +44,17 @@ class RecoveryContext(abc.ABC):
     @property
     @abc.abstractmethod
     def controller(self) -> Optional[Controller]:
-        """The controller that failed, or None: a behaviour may change its limits for a while."""
+        """The controller that failed, or None; a behaviour may limit its speed."""
 
 
 class Recovery(Plugin, abc.ABC):
-    """Tries to get the robot going again, step by step, so that it can be cancelled between any two of them.
+    """A recovery behaviour, run step by step, so that it can be cancelled between any two steps.
 
     Attributes:
-        leaves_place: Whether it drives the robot elsewhere; move_base then spares it for what the place can change.
-        only_looks_round: Whether all it does for a planner is to turn the sensors round; move_base then leaves it out
-            where no path is found and they see all round already.
+        leaves_place: Whether it drives the robot to another place; move_base then uses it only for failures that a
+            change of place can cure.
+        only_looks_round: Whether its only use for planning is that the sensors see more; move_base then skips it where
+            no path is found and the sensors see all around already.
     """
 
     leaves_place: ClassVar[bool] = False
@@ -63,8 +64,8 @@ class Recovery(Plugin, abc.ABC):
     def run(self, context: RecoveryContext) -> Iterator[Twist2D]:
         """Yield the velocity to command until the next step; return when done.
 
-        Whoever drives the generator commands less of it, along the same arc, where a zone limits speed, commands a stop
-        after its last step, and closes it (GeneratorExit) when cancelled: undo what must not last in a `finally`.
+        The caller scales the velocity down where a zone limits speed, commands a stop after the last step, and closes
+        the generator (GeneratorExit) when cancelled; undo in a `finally` what must not last.
 
         Raises:
             RecoveryError: IMPASSABLE, TF_ERROR or FAILURE, with a text that says why.

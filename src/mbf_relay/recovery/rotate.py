@@ -1,4 +1,4 @@
-"""Turn round once, so that sensors see all around."""
+"""Turns a full circle, so that the sensors see all around."""
 
 from __future__ import annotations
 
@@ -39,10 +39,10 @@ class RotateParameters(ParameterSet):
 
 
 class Rotate(Recovery):
-    """Turns a full circle: to the left, or to the right where only that is free all round.
+    """Turns a full circle to the left, or to the right where more of that is free.
 
-    Before each step the footprint is laid along the rest of the arc on the costmap as it is then. Where the circle is
-    not free the robot stays as it stands: half a turn in a narrow place would leave it across its way.
+    Before each step the footprint is checked along the rest of the circle on the current costmap. Unless all of it is
+    free, the robot does not turn: after a part of a turn it would stand across a narrow place.
 
     Source: rotate_recovery/RotateRecovery.
     """
@@ -81,7 +81,14 @@ class Rotate(Recovery):
             yield Twist2D(0.0, 0.0, sign * rate)
 
     def _rate(self, context: RecoveryContext, left: float, sign: float, last: float) -> float:
-        """Return the speed (rad/s, in the direction of the turn) for the next step, with `left` (rad) to go."""
+        """Return the rotational speed (rad/s) in the direction of the turn for the next step.
+
+        Args:
+            context: For period and velocity.
+            left: Angle still to turn (rad).
+            sign: 1 for a turn to the left, -1 to the right.
+            last: Speed commanded last (rad/s).
+        """
         p = self.parameters
         change = p.acc_lim_theta * context.period
         wanted = max(speed_to_stop_within(left, p.acc_lim_theta, context.period), p.min_in_place_vel_theta)

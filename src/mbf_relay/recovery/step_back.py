@@ -1,4 +1,4 @@
-"""What takes the place of recovery behaviours of cars, which step back and steer, in other packages."""
+"""Replaces recovery behaviours of other packages for cars, which step back and then steer."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from mbf_relay.recovery.recovery import Recovery, RecoveryContext
 
 @dataclass(frozen=True)
 class StepBackParameters(ParameterSet):
-    """Parameters of step_back_and_max_steer_recovery and stepback_and_steerturn_recovery that are used."""
+    """The parameters of step_back_and_max_steer_recovery and stepback_and_steerturn_recovery that have an effect."""
 
     step_back_length: float = parameter(1.0, "how far to drive back", "m", above=0.0)
     linear_vel_back: float = parameter(-0.3, "velocity of driving back; its sign does not matter", "m/s")
@@ -25,13 +25,13 @@ class StepBackParameters(ParameterSet):
         return []
 
     def check(self) -> None:
-        """Raise ValueError for a robot that would stand."""
+        """Raise ValueError for a speed of zero."""
         if self.linear_vel_back == 0.0:
             raise ValueError("parameter linear_vel_back is 0.0; it must not be")
 
 
 class StepBack(Recovery):
-    """Drives back where a behaviour is asked for that does so first."""
+    """Drives straight back, which is the first part of the behaviours it replaces."""
 
     Parameters = StepBackParameters
     parameters: StepBackParameters
@@ -39,7 +39,7 @@ class StepBack(Recovery):
     stands_in = "the robot drives straight back as it would, and does not steer there"
 
     def run(self, context: RecoveryContext) -> Iterator[Twist2D]:
-        """Yield the drive; errors as of BackUp."""
+        """Yield the drive; errors as for BackUp."""
         p = self.parameters
         yield from BackUp(self.name, BackUpParameters(
             distance=p.step_back_length, speed=abs(p.linear_vel_back), timeout=p.step_back_timeout)).run(context)

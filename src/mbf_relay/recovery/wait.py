@@ -1,4 +1,4 @@
-"""Stand and wait: what is in the way may go away."""
+"""Waits, as an obstacle may move away."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ class WaitParameters(ParameterSet):
 
 
 class Wait(Recovery):
-    """Stands for a while."""
+    """Commands stops for a time."""
 
     Parameters = WaitParameters
     parameters: WaitParameters
