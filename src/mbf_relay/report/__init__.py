@@ -1,1 +1,1 @@
-"""Reports of a drive: what happened, as numbers, as a picture and as a page. No ROS here."""
+"""Reports of a drive: metrics, a picture, an HTML page and output on a terminal; without ROS."""

@@ -1,4 +1,4 @@
-"""A drive, recorded: where the robot was, where it believed to be, what it was asked and what came of it."""
+"""The record of a drive: true and estimated trajectory, commands, goals, contacts; and its metrics."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from mbf_relay.geometry import Pose2D, normalize_angles
 from mbf_relay.maps import OccupancyMap
 
 SUCCEEDED = "SUCCEEDED"
+"""State of a goal that was reached."""
 
 
 @dataclass
@@ -18,11 +19,11 @@ class GoalRecord:
     """One goal and how it ended.
 
     Attributes:
-        pose: Where the robot was to go, in the map frame.
+        pose: The goal, in the map frame.
         started: Time (s) it was accepted.
         ended: Time (s) it ended, None while it runs.
         state: Name of the terminal state, e.g. SUCCEEDED or ABORTED.
-        text: What the server said.
+        text: The server's status text.
         recoveries: Names of the recovery behaviours that ran for it.
     """
 
@@ -41,7 +42,7 @@ class GoalRecord:
 
 @dataclass
 class ContactRecord:
-    """One touch of the robot with something: time (s), place (m, map frame) and the name of the other body."""
+    """A contact of the robot: time (s), position (m, map frame) and the name of the other body."""
 
     stamp: float
     x: float
@@ -54,21 +55,21 @@ class Drive:
     """Everything a report shows. Trajectories are in the map frame; rows are time (s), x (m), y (m), heading (rad).
 
     Attributes:
-        truth: Shape (N, 4): the simulator's ground truth; empty where nobody knows it.
-        estimate: Shape (M, 4): localization composed with odometry.
-        commands: Shape (K, 3): time (s), forward speed (m/s) and turn rate (rad/s) sent to the wheels.
-        measured: Shape (L, 3): the same from odometry.
+        truth: The simulator's ground truth, shape (N, 4); empty where it is not known.
+        estimate: Localization composed with odometry, shape (M, 4).
+        commands: Time (s), forward speed (m/s) and turn rate (rad/s) of commands, shape (K, 3).
+        measured: The same from odometry, shape (L, 3).
         plans: Time (s) and poses, shape (P, 3), of each new global plan.
-        goals: In the order they were accepted.
-        contacts: Every touch.
-        seen: Shape (S, 2): points the lidar saw, map frame (m).
-        map: The map driven on, None without one.
+        goals: Goals in the order in which they were accepted.
+        contacts: All contacts.
+        seen: Points seen by the lidar, shape (S, 2), map frame (m).
+        map: The map, None without one.
         speed_limits: Top speed (m/s) and top turn rate (rad/s) of the robot, None where not known.
-        wall_time: Seconds the drive took on a wall clock.
+        wall_time: Duration (s) by the wall clock.
         seed: Seed of the simulation.
-        goals_asked: How many goals were to be driven; the goals seen where not known.
-        parameters: The parameters in force, nested by node.
-        versions: Names and versions of what drove.
+        goals_asked: Number of goals that were to be driven; where None, the number of `goals`.
+        parameters: Parameters, nested by node.
+        versions: Versions of the software, by name.
     """
 
     truth: np.ndarray = field(default_factory=lambda: np.empty((0, 4)))
@@ -127,7 +128,7 @@ class Drive:
         return float(np.hypot(steps[:, 0], steps[:, 1]).sum())
 
     def summary(self) -> Dict[str, Any]:
-        """Return the figures of the drive, as written to report.json."""
+        """Return the metrics of the drive, as written to report.json."""
         errors = self.localization_errors()
         first, last = self.span
         reached = sum(goal.reached for goal in self.goals)
@@ -153,11 +154,11 @@ class Drive:
 
 
 def interpolate(rows: np.ndarray, stamps: np.ndarray) -> np.ndarray:
-    """Return a trajectory at other times, headings turned the short way.
+    """Return a trajectory interpolated linearly at other times, headings the shorter way.
 
     Args:
-        rows: Shape (N, 4) as in Drive, times growing.
-        stamps: Shape (M,), seconds.
+        rows: Trajectory as in Drive, shape (N, 4), times rising.
+        stamps: Times (s), shape (M,).
 
     Returns:
         Shape (M, 4).

@@ -1,4 +1,4 @@
-"""Collects a drive from events as they come, live from topics or out of a bag."""
+"""Collects a drive from events, which come from topics or from a bag."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from mbf_relay.touching import Touched
 
 
 class DriveLog:
-    """Takes events in the order of their times and gives the drive they make. All times are in seconds.
+    """Takes events in the order of their times and returns them as a Drive. All times are in seconds.
 
-    An instance belongs to one thread; whoever fills it from several guards it.
+    Not thread-safe.
     """
 
     def __init__(self) -> None:
@@ -33,7 +33,7 @@ class DriveLog:
         self._goals: Dict[str, GoalRecord] = {}
 
     def begun_anew(self, now: float) -> DriveLog:
-        """Return one that begins at `now` (s), for a clock that was set back: it keeps the map, and goals that run."""
+        """Return a new log from `now` (s) on, after the clock was set back; with the map, and the goals that run."""
         log = DriveLog()
         log.map = self.map
         for identity, goal in self._goals.items():
@@ -42,63 +42,63 @@ class DriveLog:
         return log
 
     def add_truth(self, stamp: float, pose: Pose2D) -> None:
-        """Note where the robot really is, in the map frame."""
+        """Add the robot's true pose in the map frame."""
         self._append(self._truth, (stamp, *pose))
 
     def add_odometry(self, stamp: float, pose: Pose2D) -> None:
-        """Note where the robot is in the odom frame."""
+        """Add the robot's pose in the odom frame."""
         self._append(self._odometry, (stamp, *pose))
 
     def add_velocity(self, stamp: float, velocity: Twist2D) -> None:
-        """Note how fast the robot goes by its odometry, body frame."""
+        """Add the robot's velocity by odometry, body frame."""
         self._append(self._measured, (stamp, velocity.x, velocity.theta))
 
     def add_seen(self, points: np.ndarray) -> None:
-        """Note what the lidar saw, shape (S, 2) in the map frame: it is drawn where there is no map."""
+        """Add points seen by the lidar, shape (S, 2), map frame (m); they are drawn where there is no map."""
         self._seen.append(np.asarray(points, dtype=float))
 
     def add_correction(self, stamp: float, map_from_odom: Pose2D) -> None:
-        """Note what localization says of the odom frame from now on."""
+        """Add a pose of the odom frame in the map frame, by localization; it holds from its stamp on."""
         if not self._corrections or self._corrections[-1][1] != map_from_odom:
             self._append(self._corrections, (stamp, map_from_odom))
 
     def add_command(self, stamp: float, velocity: Twist2D) -> None:
-        """Note a velocity sent to the wheels."""
+        """Add a commanded velocity."""
         self._append(self._commands, (stamp, velocity.x, velocity.theta))
 
     def add_plan(self, stamp: float, poses: np.ndarray) -> None:
-        """Note a global plan, shape (P, 3), in the map frame."""
+        """Add a global plan, shape (P, 3), in the map frame."""
         self._append(self._plans, (stamp, np.asarray(poses, dtype=float)))
 
     def add_contact(self, stamp: float, x: float, y: float, body: str) -> None:
-        """Note a contact; one that goes on is the same touch."""
+        """Add a contact, unless it continues the last one with the same body."""
         if self._touched.is_anew(body, stamp):
             self._contacts.append(ContactRecord(stamp, x, y, body))
 
     def start_goal(self, stamp: float, identity: str, pose: Pose2D) -> None:
-        """Note that a goal, given in the map frame, was accepted; a second time changes nothing."""
+        """Add a goal, in the map frame, that was accepted; ignored where its id is known."""
         if identity not in self._goals:
             self._goals[identity] = GoalRecord(pose, stamp)
 
     def end_goal(self, stamp: float, identity: str, state: str, text: str) -> None:
-        """Note how a goal ended; the first word counts."""
+        """Set how a goal ended; ignored where it has ended already."""
         goal = self._goals.get(identity)
         if goal is not None and goal.ended is None:
             goal.ended, goal.state, goal.text = stamp, state, text
 
     def add_recovery(self, name: str) -> None:
-        """Note a recovery behaviour of the goal that runs."""
+        """Add a recovery behaviour to the goal that runs."""
         running = [goal for goal in self._goals.values() if goal.ended is None]
         if running:
             running[-1].recoveries.append(name)
 
     @property
     def goals(self) -> List[GoalRecord]:
-        """The goals so far, in the order they were accepted."""
+        """The goals so far, in the order in which they were accepted."""
         return list(self._goals.values())
 
     def drive(self) -> Drive:
-        """Return the drive so far; who knows more (wall time, seed, versions) fills it in."""
+        """Return the drive so far, without what only the caller knows (wall time, seed, versions)."""
         return Drive(
             truth=_rows(self._truth, 4),
             estimate=self._estimate(),
@@ -123,8 +123,8 @@ class DriveLog:
     @staticmethod
     def _append(rows: List, row: Tuple) -> None:
         if not np.isfinite([value for value in row if isinstance(value, float)]).all():
-            return  # one reading without sense must not take the whole report along
-        # Of one topic that is dated back, such as a simulator's that was reset: what came after never happened.
+            return  # NaN and infinity are left out
+        # Where stamps go back, as after a simulator's reset, later rows are dropped.
         while rows and rows[-1][0] > row[0]:
             rows.pop()
         rows.append(row)

@@ -1,4 +1,4 @@
-"""The page of a drive: one file that holds the picture, the figures, the parameters and the versions."""
+"""The report as one self-contained HTML file: picture, metrics, goals, versions and parameters."""
 
 from __future__ import annotations
 
@@ -36,12 +36,12 @@ FIGURES: Tuple[Tuple[str, str, str], ...] = (
 
 
 def write(drive: Drive, path: str, picture: bytes) -> None:
-    """Write the page of a drive as one self-contained HTML file.
+    """Write the report of a drive as one self-contained HTML file.
 
     Args:
-        drive: What to show.
+        drive: The drive.
         path: File to write.
-        picture: Of the drive, as PNG.
+        picture: Picture of the drive (PNG).
 
     Raises:
         OSError: It cannot be written.

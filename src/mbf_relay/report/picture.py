@@ -1,4 +1,4 @@
-"""The picture of a drive: the map with what was planned, believed and true, and how it went over time."""
+"""The picture of a drive: map with plan, true and estimated trajectory; errors and speeds over time."""
 
 from __future__ import annotations
 
@@ -14,15 +14,16 @@ from mbf_relay.maps import OCCUPIED, UNKNOWN, OccupancyMap
 from mbf_relay.report.drive import Drive
 
 PLAN, TRUTH, ESTIMATE, GOAL, BAD, LIMIT = "#9ec9ff", "#1a1a1a", "#e8590c", "#2b8a3e", "#c92a2a", "#868e96"
+"""Colours; LIMIT is also that of secondary data."""
 
 
 def draw(drive: Drive, target: Union[str, BinaryIO], dpi: int = 110) -> None:
     """Write the picture of a drive as PNG.
 
     Args:
-        drive: What to show.
-        target: Path of a file, or an open one, to write.
-        dpi: Pixels per inch; the picture measures 14 x 8 inches.
+        drive: The drive.
+        target: Path, or open file, to write.
+        dpi: Pixels per inch; the picture has 14 x 8 inches.
     """
     figure = Figure(figsize=(14.0, 8.0), facecolor="white")
     FigureCanvasAgg(figure)
@@ -96,7 +97,7 @@ def _draw_occupancy(axes: Any, occupancy: OccupancyMap) -> None:
 
 
 def _plans_worth_drawing(drive: Drive) -> list:
-    # Replanning gives hundreds of plans that lie on each other: the first one of each goal says what was meant.
+    # Replanning gives hundreds of overlapping plans: only the first one of each goal is drawn.
     plans = []
     for goal in drive.goals:
         last = goal.ended if goal.ended is not None else np.inf
@@ -157,13 +158,13 @@ def _draw_error(axes: Any, drive: Drive) -> None:
 
 
 def draw_speed(axes: Any, drive: Drive, column: int, name: str, unit: str) -> None:
-    """Draw one speed over time into axes of matplotlib's.
+    """Draw a commanded and measured speed over time.
 
     Args:
-        axes: Where to.
-        drive: Whose.
-        column: Of commands and measurements (rows of time, forward speed, turn rate).
-        name, unit: For people.
+        axes: matplotlib axes to draw into.
+        drive: The drive.
+        column: Column of `Drive.commands` and `Drive.measured`: 1 for forward speed, 2 for turn rate.
+        name, unit: For title and axis.
     """
     start = drive.span[0]
     limits = () if drive.speed_limits is None else (drive.speed_limits[column - 1],)
@@ -179,7 +180,7 @@ def draw_speed(axes: Any, drive: Drive, column: int, name: str, unit: str) -> No
     for limit in limits:
         axes.axhline(limit, color=BAD, linewidth=1.0, linestyle=":")
         axes.axhline(-limit, color=BAD, linewidth=1.0, linestyle=":")
-    highest = highest or 1.0  # nothing drove
+    highest = highest or 1.0  # where nothing moved
     axes.set_ylim(-1.15 * highest, 1.15 * highest)
     _mark_goals(axes, drive)
     if column == 2:

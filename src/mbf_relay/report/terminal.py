@@ -1,4 +1,4 @@
-"""What a drive shows in a terminal: one line that lives while a goal runs, one line it leaves, a table at the end."""
+"""Output of a drive on a terminal: a line updated while a goal runs, a line for each goal's end, a final table."""
 
 from __future__ import annotations
 
@@ -13,8 +13,13 @@ ERASE_LINE = "\r\033[K"
 class Terminal:
     """Writes the progress of a drive.
 
-    Where the stream is no terminal there is no live line, only a line for each goal that ended. Colours are left out
-    then too, and where the environment has NO_COLOR (no-color.org) or a dumb terminal.
+    Where the stream is no terminal, or a dumb one, there are no updated line and no colours; no colours either where
+    the environment has NO_COLOR (no-color.org).
+
+    Args:
+        stream: Where to write.
+        goals: Number of goals, None where not known.
+        environment: The process' environment variables.
     """
 
     def __init__(self, stream: IO[str], goals: Optional[int], environment: Mapping[str, str]) -> None:
@@ -25,7 +30,7 @@ class Terminal:
         self._shown = False
 
     def progress(self, number: int, distance: Optional[float], speed: float, seconds: float, recoveries: int) -> None:
-        """Show where a running goal stands: its number, distance left (m), speed (m/s), time (s) and recoveries."""
+        """Show the progress of a goal: its number, distance left (m), speed (m/s), time (s) and recoveries."""
         if self._live:
             left = "  planning" if distance is None else f"{distance:5.2f} m left"
             behaviours = f"  {recoveries} recoveries" if recoveries else ""
@@ -35,7 +40,7 @@ class Terminal:
             self._shown = True
 
     def ended(self, number: int, goal: GoalRecord) -> None:
-        """Leave a line for a goal that ended."""
+        """Write the line of a goal that has ended."""
         seconds = 0.0 if goal.ended is None else goal.ended - goal.started
         words = (
             self._paint("reached", GREEN) if goal.reached else self._paint(f"{goal.state.lower()}: {goal.text}", RED)
@@ -44,13 +49,13 @@ class Terminal:
         self.line(f"{self._name(number)}  {words} in {seconds:.1f} s{recovered}")
 
     def line(self, text: str) -> None:
-        """Write a line of its own, above the live one."""
+        """Write a line in place of the updated one."""
         self._stream.write(f"{ERASE_LINE if self._shown else ''}{text}\n")
         self._stream.flush()
         self._shown = False
 
     def table(self, drive: Drive) -> None:
-        """Write the closing table."""
+        """Write the final table."""
         figures = drive.summary()
         rows: List[Sequence[Any]] = [
             ("goals reached", f"{figures['goals_reached']} of {figures['goals_asked']}"),

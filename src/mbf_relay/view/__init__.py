@@ -1,1 +1,1 @@
-"""What a browser is shown and may ask for: layers and their encoding, wishes judged at the door, rights, waypoints."""
+"""The web view without ROS: layers and their encoding, validation of browsers' messages, rights, waypoints."""

@@ -1,4 +1,4 @@
-"""What one browser gets, and when: the newest of what it asked for, no sooner than it has taken what came before."""
+"""Flow control for one browser: it gets the newest of the layers it wants once it has acknowledged earlier batches."""
 
 from __future__ import annotations
 
@@ -8,15 +8,15 @@ from mbf_relay.view.batch import batch
 from mbf_relay.view.layers import ViewLayer
 
 WINDOW = 2
-"""Batches on their way at once: one is drawn while the next travels. A browser that takes none gets no more."""
+"""Largest number of batches without acknowledgement: one is drawn while the next is on its way."""
 BATCH_BYTES = 1 << 18
-"""Bytes after which a batch takes no further layer."""
+"""Size (bytes) from which on no further layer is added to a batch."""
 
 
 class Feed:
-    """One browser's view of the layers.
+    """The layers that one browser wants, and what it has got of each.
 
-    Nothing queues here: a browser that is slow to acknowledge finds, when it does, the newest of every layer.
+    Nothing is queued: a browser that acknowledges late then gets the newest state of every layer.
     """
 
     def __init__(self) -> None:
@@ -27,7 +27,7 @@ class Feed:
 
     @property
     def in_flight(self) -> int:
-        """Batches sent and not yet acknowledged."""
+        """Number of batches sent and not yet acknowledged."""
         return self._sent - self._acknowledged
 
     @property
@@ -36,25 +36,25 @@ class Feed:
         return list(self._periods)
 
     def want(self, periods: Mapping[str, float]) -> None:
-        """Take what is to be shown: names of layers with the shortest time (s) between two parts of each.
+        """Set the wanted layers, with the shortest time (s) between two parts of each.
 
-        A layer switched off is forgotten, so that it comes whole when it is switched on again.
+        A layer that is no longer wanted is sent as a whole when it is wanted again.
         """
         self._periods = dict(periods)
         self._seen = {name: seen for name, seen in self._seen.items() if name in periods}
 
     def forget(self) -> None:
-        """Start anew, for another robot's layers."""
+        """Start over, with another robot's layers."""
         self._seen.clear()
         self._due.clear()
 
     def acknowledge(self, number: int) -> None:
-        """Take note that the browser has shown batch `number`; one that was never sent changes nothing."""
+        """Note that the browser has drawn batch `number`; ignored where that was never sent."""
         if self._acknowledged < number <= self._sent:
             self._acknowledged = number
 
     def next_batch(self, layers: Mapping[str, ViewLayer], now: float) -> Optional[bytes]:
-        """Return what is due at `now` (s), None where nothing is or the browser is not ready."""
+        """Return a batch of what is due at `now` (s), None where nothing is or acknowledgements are missing."""
         if self.in_flight >= WINDOW:
             return None
         parts: List[bytes] = []
@@ -76,7 +76,7 @@ class Feed:
         return batch(self._sent, parts)
 
     def next_due(self, layers: Mapping[str, ViewLayer], now: float) -> Optional[float]:
-        """Return when (s) something that has changed is due, None where nothing has or the browser is not ready."""
+        """Return the time (s) at which the next batch is due, None where nothing changed or acknowledgements miss."""
         if self.in_flight >= WINDOW:
             return None
         times = [

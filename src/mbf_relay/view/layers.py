@@ -1,7 +1,7 @@
-"""What a layer remembers, so that each browser gets what it has not seen and nothing twice.
+"""Layers of the view, which give each browser what is new to it.
 
-Every layer counts its changes. A browser names the count it has seen and gets what came after, encoded once for however
-many browsers ask.
+Every layer counts its changes (revision). A browser's Feed keeps the revision that it has seen, and `take` returns what
+came after, encoded once for all browsers.
 """
 
 from __future__ import annotations
@@ -13,15 +13,16 @@ from typing import Any, Callable, Deque, Dict, List, Optional, Tuple
 from mbf_relay.view.batch import part
 
 Taken = Tuple[Optional[bytes], int]
-"""A part, None where there is nothing new, and the count up to which it tells."""
+"""A part, None where there is nothing new, and the revision that it leads to."""
 
 
 class ViewLayer(ABC):
-    """One thing that is shown. Used from one thread.
+    """A layer of the view. Used from one thread.
 
     Attributes:
-        revision: Counts changes; 0 means nothing to show yet.
-        period: Shortest time (s) between two parts to the same browser.
+        name: Its name in the protocol.
+        revision: Number of changes so far; 0 where there is nothing to show.
+        period: Shortest time (s) between two parts to one browser.
     """
 
     def __init__(self, name: str, period: float) -> None:
@@ -30,11 +31,11 @@ class ViewLayer(ABC):
 
     @abstractmethod
     def take(self, seen: int) -> Taken:
-        """Return what came after `seen`, as much as one part should hold, and the count it leads to."""
+        """Return the changes after revision `seen`, up to the size of one part, and the revision they lead to."""
 
 
 class Newest(ViewLayer):
-    """A layer of which only the newest counts, such as a scan."""
+    """A layer that shows only the newest state, such as a scan."""
 
     def __init__(self, name: str, period: float) -> None:
         super().__init__(name, period)
@@ -42,12 +43,12 @@ class Newest(ViewLayer):
         self._part: Optional[bytes] = None
 
     def put(self, make: Callable[[], Optional[bytes]]) -> None:
-        """Replace what is shown; `make` gives the part and is called only if a browser takes it."""
+        """Replace the state; `make` encodes it, and is called only if a browser takes it."""
         self._make = make
         self.revision += 1
 
     def show(self, header: Dict[str, Any], payload: bytes = b"") -> None:
-        """Replace what is shown, unless it is the same."""
+        """Replace the state, unless it is equal."""
         encoded = part({"layer": self.name, **header}, payload)
         if self._make is not None or encoded != self._part:
             self._make, self._part = None, encoded
@@ -63,17 +64,14 @@ class Newest(ViewLayer):
 
 
 class Journal(ViewLayer):
-    """Entries of which a browser gets each one once, and the last `length` when it joins.
-
-    A flood pushes out the oldest.
-    """
+    """A list of entries, such as log lines: a browser gets each one once, and the last `length` when it connects."""
 
     def __init__(self, name: str, period: float, length: int) -> None:
         super().__init__(name, period)
         self._entries: Deque[Any] = deque(maxlen=length)
 
     def add(self, entry: Any) -> None:
-        """Append an entry, something JSON can hold."""
+        """Append an entry that can be encoded as JSON."""
         self.revision += 1
         self._entries.append(entry)
 

@@ -1,14 +1,14 @@
-"""How much one browser may ask."""
+"""Rate limit for one browser's messages."""
 
 from __future__ import annotations
 
 
 class RateLimit:
-    """A bucket that fills at a rate and that each request takes one drop from.
+    """A token bucket.
 
     Args:
-        rate: Requests per second for ever.
-        burst: Requests at once.
+        rate: Sustained requests per second.
+        burst: Requests allowed at once.
     """
 
     def __init__(self, rate: float, burst: float) -> None:

@@ -1,4 +1,4 @@
-"""What can be set of the view in a browser."""
+"""Parameters of the web view."""
 
 from __future__ import annotations
 

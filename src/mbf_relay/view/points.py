@@ -1,4 +1,4 @@
-"""Points, poses and lines as 16-bit numbers about an origin: a scan of 360 beams is 1.4 kB."""
+"""Encodes points, poses and lines as 16-bit integers relative to an origin: a scan of 360 beams has 1.4 kB."""
 
 from __future__ import annotations
 
@@ -9,10 +9,11 @@ import numpy as np
 from mbf_relay.view.batch import part
 
 FINEST = 0.001
-"""Metres a unit stands for at least; finer is not seen."""
+"""Least length (m) of one unit; finer is not visible."""
 TURN_UNIT = 1e-4
-"""Radians of one unit of heading, so that half a turn fits into 16 bits."""
+"""Angle (rad) of one unit of heading, such that pi fits into 16 bits."""
 LARGEST = 32767
+"""Largest 16-bit integer."""
 
 
 def points_part(layer: str, points: np.ndarray, limit: int, **more: Any) -> bytes:
@@ -20,9 +21,9 @@ def points_part(layer: str, points: np.ndarray, limit: int, **more: Any) -> byte
 
     Args:
         layer: The layer's name.
-        points: Shape (N, 2) as x, y (m), or (N, 3) with a heading (rad) in [-pi, pi]; rows that are not finite are left
-            out.
-        limit: Points at most; of more, evenly spread ones.
+        points: x, y (m), shape (N, 2), or with a heading (rad) in [-pi, pi], shape (N, 3); rows that are not finite are
+            left out.
+        limit: Largest number of points; more are thinned evenly.
         more: Further entries of the header.
     """
     points = np.asarray(points, dtype=float)
@@ -41,7 +42,7 @@ def points_part(layer: str, points: np.ndarray, limit: int, **more: Any) -> byte
 
 
 def thinned(points: np.ndarray, limit: int) -> np.ndarray:
-    """Return at most `limit` rows, evenly spread, the first and the last among them."""
+    """Return at most `limit` rows, evenly chosen, with the first and the last."""
     if len(points) <= limit:
         return points
     chosen: np.ndarray = points[np.linspace(0, len(points) - 1, limit).round().astype(int)]

@@ -1,4 +1,4 @@
-"""Who may look and who may drive: tokens, and the pages that may speak for a person."""
+"""Access control of the web view: tokens for viewing and driving, and checks of a request's origin and host."""
 
 from __future__ import annotations
 
@@ -12,25 +12,25 @@ from urllib.parse import urlsplit
 
 
 class Rights(NamedTuple):
-    """What one browser may do."""
+    """Whether a browser may view and drive."""
 
     view: bool
     drive: bool
 
 
 class Tokens(NamedTuple):
-    """The words that open: empty where none is needed.
+    """The required tokens; empty where none is needed.
 
     Attributes:
-        view: For looking.
-        drive: For looking and driving.
+        view: Token for viewing.
+        drive: Token for viewing and driving.
     """
 
     view: str
     drive: str
 
     def rights(self, offered: str) -> Rights:
-        """Return what a token gives; compared in a time that tells nothing about it."""
+        """Return the rights that an offered token gives; it is compared in constant time."""
         drives = not self.drive or _equal(offered, self.drive)
         return Rights(drives or not self.view or _equal(offered, self.view), drives)
 
@@ -40,7 +40,7 @@ def _equal(one: str, other: str) -> bool:
 
 
 def is_loopback(address: str) -> bool:
-    """Return whether only this machine reaches an address to listen on."""
+    """Return whether an address to listen on is reachable from this machine only."""
     if address == "localhost":
         return True
     try:
@@ -50,12 +50,12 @@ def is_loopback(address: str) -> bool:
 
 
 def make_tokens(address: str, view: str, drive: str) -> Tokens:
-    """Return the tokens to ask for: those given, and beyond loopback a new one for each that was not.
+    """Return the required tokens: those given, and for an address that is not loopback, new ones for the others.
 
-    Where looking takes a token, driving does too.
+    Where viewing needs a token, driving does, too.
 
     Args:
-        address: Where the server listens.
+        address: Address on which the server listens.
         view, drive: Tokens set by the user, or empty.
     """
     if not is_loopback(address):
@@ -66,7 +66,7 @@ def make_tokens(address: str, view: str, drive: str) -> Tokens:
 
 
 def keep_tokens(path: str, tokens: Tokens) -> None:
-    """Write the tokens where only their owner can read them."""
+    """Write the tokens to a file that only its owner can read."""
     os.makedirs(os.path.dirname(path), exist_ok=True)
     fresh = f"{path}.{os.getpid()}"
     descriptor = os.open(fresh, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
@@ -79,13 +79,13 @@ def keep_tokens(path: str, tokens: Tokens) -> None:
 def is_own_page(origin: Optional[str], host: Optional[str], names: Iterable[str]) -> bool:
     """Return whether a WebSocket was opened by a page of this server and not by another site's.
 
-    A browser tells the page's origin truthfully. That it equals the host asked for is not enough: a site whose name was
-    made to point here ("DNS rebinding") would pass; so the name must be one of ours, or an address.
+    Browsers send the page's true origin. That it equals the Host header is not enough, since a site whose name resolves
+    to this machine (DNS rebinding) would pass; so the host must be a known name or an IP address.
 
     Args:
-        origin: The request's Origin header; None from a program that is no browser, which no site can misuse.
+        origin: The request's Origin header; None from a program that is no browser, which other sites cannot use.
         host: The request's Host header.
-        names: Host names that mean this machine.
+        names: Host names of this machine.
     """
     if not is_own_host(host, names):
         return False
@@ -96,7 +96,7 @@ def is_own_page(origin: Optional[str], host: Optional[str], names: Iterable[str]
 
 
 def is_own_host(host: Optional[str], names: Iterable[str]) -> bool:
-    """Return whether a request was made to a name or an address of this machine; arguments as for `is_own_page`."""
+    """Return whether the Host header is one of `names` or an IP address; arguments as for `is_own_page`."""
     try:
         name = urlsplit(f"//{host or ''}").hostname or ""
     except ValueError:

@@ -1,8 +1,8 @@
-"""Grids as tiles: a browser gets every tile once, and then those whose cells changed.
+"""Grids in tiles: a browser gets every tile once, and then those that have changed.
 
-Each tile that changes takes the next number of one count. What a browser has not seen is every tile with a higher
-number than its own, oldest first; so a large map comes in portions, and a slow browser gets the newest state of a tile,
-never its history.
+A tile that changes gets the layer's next revision as its number. A browser gets the tiles with higher numbers than the
+revision it has seen, oldest first. So a large map comes in portions, and a slow browser gets only the newest state of
+each tile.
 """
 
 from __future__ import annotations
@@ -18,18 +18,18 @@ from mbf_relay.view.batch import part
 from mbf_relay.view.layers import Taken, ViewLayer
 
 TILE = 64
-"""Cells of a tile's side: a moved obstacle changes about one, and a deflated one fits into a network packet."""
+"""Cells along a tile's side: a moving obstacle changes about one tile, which compressed fits into a network packet."""
 PORTION = 256
-"""Tiles in one part at most, a megabyte of cells: about 10 ms of deflating, in which nothing else is served."""
+"""Largest number of tiles in one part, a megabyte of cells: about 10 ms of compression, which block the event loop."""
 
 
 class GridShape(NamedTuple):
-    """Where a grid lies.
+    """Size and pose of a grid.
 
     Attributes:
-        width, height: Cells.
+        width, height: Number of cells.
         resolution: Side of a cell (m).
-        origin: Lower left corner, in `frame`.
+        origin: Pose of the lower left corner in `frame`.
         frame: Name of its frame.
     """
 
@@ -41,7 +41,7 @@ class GridShape(NamedTuple):
 
 
 class TiledGrid(ViewLayer):
-    """A grid layer; cells are -1 (unknown) or 0 to 100, sent as bytes with 255 for unknown."""
+    """A layer with a grid; cells are -1 (unknown) or 0 to 100, sent as bytes with 255 for unknown."""
 
     def __init__(self, name: str, period: float) -> None:
         super().__init__(name, period)
@@ -52,7 +52,7 @@ class TiledGrid(ViewLayer):
 
     @property
     def shape(self) -> Optional[GridShape]:
-        """Where the grid lies, None before there is one."""
+        """Size and pose of the grid, None before there is one."""
         return self._shape
 
     @property
@@ -61,14 +61,14 @@ class TiledGrid(ViewLayer):
         return self._cells
 
     def replace(self, shape: GridShape, values: np.ndarray) -> None:
-        """Take a whole grid; of one in the same place only the tiles that differ count as changed.
+        """Replace the grid; where size and pose are the same, only tiles that differ count as changed.
 
         Args:
-            shape: Where it lies.
-            values: Cells row by row from the lower left, width x height of them, -1 to 100.
+            shape: Its size and pose.
+            values: Cells row by row from the lower left, -1 to 100, shape (width * height,).
 
         Raises:
-            ValueError: Their number does not fit the shape.
+            ValueError: The number of values does not fit the size.
         """
         if shape.width < 1 or shape.height < 1 or len(values) != shape.width * shape.height:
             raise ValueError(f"grid of {shape.width} x {shape.height} cells with {len(values)} values")
@@ -82,15 +82,15 @@ class TiledGrid(ViewLayer):
         self.revision += rows * columns
 
     def update(self, column: int, row: int, width: int, values: np.ndarray) -> None:
-        """Take a window of the grid.
+        """Replace a window of the grid.
 
         Args:
             column, row: Its lower left cell.
-            width: Its cells in a row.
-            values: Its cells row by row.
+            width: Its width in cells.
+            values: Its cells row by row, shape (width * height,).
 
         Raises:
-            ValueError: It does not lie in the grid, or there is none.
+            ValueError: The window is not inside the grid, or there is no grid.
         """
         if width < 1 or len(values) == 0 or len(values) % width:
             raise ValueError(f"window {width} cells wide with {len(values)} values")
@@ -103,7 +103,7 @@ class TiledGrid(ViewLayer):
         self._take(cells, column, row)
 
     def _take(self, cells: np.ndarray, column: int, row: int) -> None:
-        """Write a window and number the tiles it changed."""
+        """Write a window into the grid and number the tiles that it changes."""
         height, width = cells.shape
         for tile_row in range(row // TILE, (row + height - 1) // TILE + 1):
             top, bottom = max(row, tile_row * TILE), min(row + height, (tile_row + 1) * TILE)
@@ -117,7 +117,7 @@ class TiledGrid(ViewLayer):
                     self._numbers[tile_row, tile_column] = self.revision
 
     def take(self, seen: int) -> Taken:
-        """Return the tiles after `seen`, oldest first, up to a portion; browsers in step share one encoding."""
+        """Return the tiles after revision `seen`, oldest first, PORTION at most; the last encoding is cached."""
         if self._shape is None or seen == self.revision:
             return None, seen
         if self._cache[:2] != (seen, self.revision):

@@ -1,4 +1,4 @@
-"""A list of waypoints, driven one after the other, once or round and round, with a pause at each."""
+"""A list of waypoints, driven in turn, once or repeatedly, with a pause at each."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ from mbf_relay.geometry import Pose2D
 
 
 class Tour:
-    """Which waypoint is next; told of the end of each goal, it says when to send another.
+    """Decides which waypoint to send as a goal, and when.
 
     Args:
-        waypoints: Poses in the map.
-        loop: Begin again after the last.
-        pause: Seconds to stand at each.
+        waypoints: Poses in the map frame.
+        loop: Whether to start over after the last one.
+        pause: Seconds to wait at each.
     """
 
     def __init__(self, waypoints: Sequence[Pose2D], loop: bool, pause: float) -> None:
@@ -24,11 +24,11 @@ class Tour:
 
     @property
     def is_over(self) -> bool:
-        """Whether there is nothing left to drive to."""
+        """Whether the last waypoint was reached, without `loop`."""
         return self._index + 1 >= len(self.waypoints) and not self._loop and self._go_on_at is not None
 
     def next_goal(self, now: float) -> Optional[Pose2D]:
-        """Return the goal to send at `now` (s), once; None while one runs, in a pause, or after the last."""
+        """Return the goal to send at `now` (s); None while one runs, during a pause, and after the last."""
         if self._go_on_at is None or now < self._go_on_at or self.is_over:
             return None
         self._index = (self._index + 1) % len(self.waypoints)
@@ -36,12 +36,12 @@ class Tour:
         return self.waypoints[self._index]
 
     def reached(self, now: float) -> None:
-        """Take note that the goal given last was reached at `now` (s)."""
+        """Note that the current goal was reached at `now` (s)."""
         last = self._index + 1 == len(self.waypoints) and not self._loop
         self._go_on_at = now if last else now + self._pause
 
     def as_dict(self) -> Dict[str, Any]:
-        """Return what the page shows of it."""
+        """Return what the page shows."""
         return {
             "waypoints": [[round(value, 3) for value in pose] for pose in self.waypoints], "index": self._index,
             "loop": self._loop, "pausing": self._go_on_at is not None,

@@ -1,4 +1,4 @@
-"""What a browser may ask for, judged before anything comes of it."""
+"""Validation of the messages that browsers send."""
 
 from __future__ import annotations
 
@@ -9,27 +9,29 @@ from typing import Any, Callable, Dict, List, NamedTuple
 from mbf_relay.geometry import Pose2D
 
 LONGEST = 8192
-"""Characters of a wish at most; the longest, a list of waypoints, stays under it."""
+"""Largest length (characters) of a message; the longest valid one, a list of waypoints, is shorter."""
 FARTHEST = 1e5
-"""Metres from the map's origin at most: what lies beyond no map has, and 32-bit messages would round it."""
+"""Largest coordinate (m): no map is larger, and float32 would round beyond."""
 WAYPOINTS = 50
+"""Largest number of waypoints."""
 LONGEST_PAUSE = 3600.0
+"""Longest pause (s) at a waypoint."""
 LARGEST_SPREAD = 10.0
-"""Metres of deviation of a pose estimate at most; who knows less wants a global localization."""
+"""Largest standard deviation (m) of a pose estimate; beyond, global localization is what is needed."""
 FASTEST_LAYER = 60.0
-"""Parts per second at most; faster than a screen draws."""
+"""Largest rate (Hz) of a layer, the usual refresh rate of screens."""
 
 
 class Refused(ValueError):
-    """A wish that is not carried out; the text tells the person why."""
+    """A message is invalid; the text tells the user why."""
 
 
 class Wish(NamedTuple):
-    """One message of a browser.
+    """A valid message of a browser.
 
     Attributes:
-        name: What is asked.
-        values: Its fields, checked: all that the name has, and nothing else.
+        name: The command, a key of LOOKING or DRIVING.
+        values: Its fields, all that the command has, checked.
     """
 
     name: str
@@ -49,7 +51,7 @@ def number(low: float, high: float) -> Callable[[Any], float]:
 
 
 def flag(value: Any) -> bool:
-    """Return a boolean, or refuse."""
+    """Return a boolean; raise Refused for anything else."""
     if not isinstance(value, bool):
         raise Refused("must be true or false")
     return value
@@ -66,11 +68,13 @@ def text(longest: int) -> Callable[[Any], str]:
 
 
 PLACE = number(-FARTHEST, FARTHEST)
+"""Checks a coordinate (m)."""
 TURN = number(-2.0 * math.pi, 2.0 * math.pi)
+"""Checks an angle (rad)."""
 
 
 def poses(value: Any) -> List[Pose2D]:
-    """Return a list of waypoints, each [x, y, heading]."""
+    """Return a list of waypoints from [[x, y, heading], ...]; raise Refused where it is invalid."""
     if not isinstance(value, list) or not 1 <= len(value) <= WAYPOINTS:
         raise Refused(f"must be a list of 1 to {WAYPOINTS} poses")
     if not all(isinstance(entry, list) and len(entry) == 3 for entry in value):
@@ -79,7 +83,7 @@ def poses(value: Any) -> List[Pose2D]:
 
 
 def rates(value: Any) -> Dict[str, float]:
-    """Return layers with how often (Hz) each is wanted."""
+    """Return the wanted rate (Hz) of each layer; raise Refused where one is invalid."""
     if not isinstance(value, dict) or len(value) > 40 or not all(len(name) <= 40 for name in value):
         raise Refused("must name at most 40 layers with their rates")
     rate = number(0.01, FASTEST_LAYER)
@@ -87,7 +91,9 @@ def rates(value: Any) -> Dict[str, float]:
 
 
 Fields = Dict[str, Callable[[Any], Any]]
+"""The check of each field of a message."""
 POSE: Fields = {"x": PLACE, "y": PLACE, "theta": TURN}
+"""The fields of a pose."""
 
 LOOKING: Dict[str, Fields] = {
     "hello": {"token": text(200), "robot": text(200)},
@@ -96,7 +102,7 @@ LOOKING: Dict[str, Fields] = {
     "robot": {"name": text(200)},
     "ping": {"time": number(0.0, 1e15)},
 }
-"""What everyone may ask who may look."""
+"""Commands that need the right to view."""
 
 DRIVING: Dict[str, Fields] = {
     "goal": POSE,
@@ -111,14 +117,14 @@ DRIVING: Dict[str, Fields] = {
     "obstacle": {"x": PLACE, "y": PLACE, "size": number(0.02, 5.0)},
     "remove_obstacles": {},
 }
-"""What moves the robot or changes what it believes, and needs the right to drive."""
+"""Commands that move the robot or change its localization, costmaps or world; they need the right to drive."""
 
 
 def wish_from(message: Any) -> Wish:
-    """Return what a message asks for.
+    """Return the validated message.
 
     Raises:
-        Refused: It is no JSON object, too long, asks for nothing known, or a field is missing, unknown or out of range.
+        Refused: It is too long, no JSON object, has an unknown command, or a field is missing, unknown or out of range.
     """
     if not isinstance(message, str):
         raise Refused("a message must be text")
