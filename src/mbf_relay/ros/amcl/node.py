@@ -294,7 +294,8 @@ class AmclNode:
             values, began = self._parameters, time.perf_counter()
             try:
                 scan, laser_pose = message[1:] if isinstance(message, CloudScan) else scan_in_base(
-                    message, values.base_frame_id, self.transforms)[:2]
+                    message, values.base_frame_id, self.transforms,
+                    taken=self._timings.taken_at(message.header.frame_id, stamp.to_sec()))[:2]
                 scan = self._timings.corrected(scan, laser_pose if isinstance(message, CloudScan) else None)
                 self._odom_pose = self.transforms.lookup(values.odom_frame_id, values.base_frame_id, scan.stamp)
                 self._odom_stamp = scan.stamp

@@ -40,7 +40,8 @@ class MountedScan(NamedTuple):
 
 
 def scan_in_base(
-    message: LaserScanMessage, base_frame: str, transforms: Transforms, max_age: Optional[float] = None
+    message: LaserScanMessage, base_frame: str, transforms: Transforms, max_age: Optional[float] = None,
+    taken: Optional[float] = None,
 ) -> MountedScan:
     """Return a scan with the pose of its lidar at its time; the newest pose where tf does not know that time yet.
 
@@ -51,13 +52,15 @@ def scan_in_base(
         base_frame: The robot's base frame.
         transforms: The tf buffer.
         max_age: Largest age (s) of the newest transform of a lidar that moves on the robot; no limit where None.
+        taken: ROS time (s) at which the scan was taken; its stamp where None.
 
     Raises:
         InvalidMessage: The scan is invalid, or its lidar is tilted too far.
         TransformError: There is no transform from the sensor's frame to the base frame, or it is too old.
     """
     scan = scan_from_message(message)
-    placed, is_fixed = placed_when(scan.stamp, scan.frame, base_frame, transforms, max_age)
+    when = scan.stamp if taken is None else taken
+    placed, is_fixed = placed_when(when, scan.frame, base_frame, transforms, max_age)
     upright = _upright(placed.transform)
     if abs(upright) < LEAST_LEVEL:
         raise InvalidMessage(

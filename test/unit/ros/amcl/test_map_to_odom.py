@@ -144,13 +144,15 @@ def of_one_scan(monkeypatch, late=0.0, jumps=0):
     """
     updates, told, node = [], [], amcl.AmclNode.__new__(amcl.AmclNode)
     scan = LaserScan(np.full(8, 2.0), 0.0, 0.7, 0.1, 3.0, 10.0, "laser")
-    monkeypatch.setattr(amcl, "scan_in_base", lambda *_: (scan, IDENTITY, True))
+    monkeypatch.setattr(amcl, "scan_in_base", lambda *_, **__: (scan, IDENTITY, True))
     node.__dict__.update(
         _parameters=AmclParameters(save_pose_rate=0.0), _lock=threading.RLock(), _kept=None,
         _scan_watch=SimpleNamespace(
             saw=lambda _now: None, warn_of_dates=lambda _timings: None, warn_of_search=lambda _searched: None,
             warn_of_jumps=lambda *jump: told.append(jump)),
-        _timings=SimpleNamespace(corrected=lambda scan, _pose: replace(scan, stamp=scan.stamp - late)),
+        _timings=SimpleNamespace(
+            taken_at=lambda _frame, stamp: stamp - late,
+            corrected=lambda scan, _pose: replace(scan, stamp=scan.stamp - late)),
         _localizer=SimpleNamespace(
             process=lambda *_: None, odometry=SimpleNamespace(jumps=jumps), map_from_odom=POSE, poses=None,
             searched=1.0),
