@@ -17,6 +17,7 @@ from mbf_relay.simulation.bullet import pybullet
 from mbf_relay.simulation.frames import Frame
 from mbf_relay.simulation.parameters import SimulationParameters
 from mbf_relay.simulation.physics import FIXED, GROUND, IDENTITY_QUATERNION, LOOSE, ROBOT, ROLLING, Physics
+from mbf_relay.simulation.robot import AXLE as WHEEL_AXLE
 from mbf_relay.simulation.robot import DIFFERENTIAL, RobotModel
 from mbf_relay.simulation.shapes import Box, Cylinder
 
@@ -101,11 +102,14 @@ class Base:
     def _hull(self) -> int:
         """Return PyBullet's number of the collision shape: the body's parts and the wheels.
 
-        Parts that are meshes, as polygons and all bodies from URDFs are, make one convex hull, without the wheels.
+        Parts that are meshes, as polygons and all bodies from URDFs are, make one convex hull with the wheels.
         """
         robot = self._robot
         if not all(isinstance(part.shape, (Box, Cylinder)) for part in robot.body):
-            corners = [part.frame.transform_points(part.shape.triangles().reshape(-1, 3)) for part in robot.body]
+            rim = Cylinder(robot.wheels.radius - RIM_CLEARANCE, robot.wheels.width)
+            hubs = [Frame.of(x, y, robot.axle_height).compose(WHEEL_AXLE) for x, y in robot.wheel_places()]
+            solids = [(part.shape, part.frame) for part in robot.body] + [(rim, hub) for hub in hubs]
+            corners = [frame.transform_points(shape.triangles().reshape(-1, 3)) for shape, frame in solids]
             mesh: int = pybullet.createCollisionShape(
                 pybullet.GEOM_MESH, vertices=np.unique(np.concatenate(corners), axis=0).tolist(),
                 physicsClientId=self._client,
@@ -118,8 +122,8 @@ class Base:
                 shapes.append(dict(kind=pybullet.GEOM_BOX, half=[side / 2.0 for side in shape.size], place=place))
             elif isinstance(shape, Cylinder):
                 shapes.append(dict(kind=pybullet.GEOM_CYLINDER, radius=shape.radius, length=shape.height, place=place))
-        rim = dict(kind=pybullet.GEOM_CYLINDER, radius=robot.wheels.radius - RIM_CLEARANCE, length=robot.wheels.width)
-        shapes += [dict(rim, place=((x, y, robot.axle_height), AXLE)) for x, y in robot.wheel_places()]
+        wheel = dict(kind=pybullet.GEOM_CYLINDER, radius=robot.wheels.radius - RIM_CLEARANCE, length=robot.wheels.width)
+        shapes += [dict(wheel, place=((x, y, robot.axle_height), AXLE)) for x, y in robot.wheel_places()]
         hull: int = pybullet.createCollisionShapeArray(
             shapeTypes=[shape["kind"] for shape in shapes],
             halfExtents=[shape.get("half", [0.0, 0.0, 0.0]) for shape in shapes],

@@ -72,9 +72,9 @@ def robot(tmp_path):
     return read
 
 
-def simulate(model):
+def simulate(model, *bodies):
     parameters = SimulationParameters.from_mapping({**trial.EXACT, **model.settings, "scan_rate": 0.0})
-    return Simulation(World("test", ()), parameters, 1, robot=model)
+    return Simulation(World("test", bodies), parameters, 1, robot=model)
 
 
 @pytest.mark.parametrize("name", ["burger", "waffle", "medium", "large", "small"])
@@ -133,6 +133,14 @@ def test_it_goes_straight_and_turns_about_its_axle(robot, elements):
         after = simulation.true_pose
         assert after.theta - before.theta == pytest.approx(2.2, abs=0.3)
         assert math.hypot(after.x - before.x, after.y - before.y) < 0.03
+
+
+def test_a_wheel_beside_the_body_does_not_pass_through_a_post(robot):
+    """The body is 0.15 m wide to each side, and the wheels reach to 0.185 m: they drove through what stood there."""
+    post = trial.box("post", 0.5, 0.175, (0.02, 0.02, 0.5))
+    with simulate(robot(BODY, WHEELS, DIFF_DRIVE, lidar()), post) as simulation:
+        seen = trial.run(simulation, 3.0, Twist2D(0.3, 0.0, 0.0))
+    assert {contact.name for observed in seen for contact in observed.contacts} == {"post"}
 
 
 def test_a_robot_turns_about_its_axle_and_its_description_hangs_where_that_is(robot):
