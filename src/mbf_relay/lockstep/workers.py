@@ -50,5 +50,5 @@ def run(jobs: Sequence[EpisodeJob], processes: int, time_limit: float = TIME_LIM
     plugins = sorted({name for setup in {id(job.setup): job.setup for job in jobs}.values()
                       for name in plugins_of(setup)})
     with workers_for(len(jobs), processes, plugins, say=lambda line: None) as workers:
-        ended = {(job.task.name, job.seed): result for job, result in drive_all(jobs, workers, time_limit)}
-    return [ended[job.task.name, job.seed] for job in jobs]
+        ended = {id(job): result for job, result in drive_all(jobs, workers, time_limit)}
+    return [ended[id(job)] for job in jobs]

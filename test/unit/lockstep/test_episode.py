@@ -157,6 +157,12 @@ def test_a_drive_does_not_depend_on_how_many_processes_there_are(tmp_path):
     assert one[1].drive() == drive(jobs[1]).drive()
 
 
+def test_two_setups_in_one_world_have_each_their_own_result(tmp_path):
+    made = task(tmp_path, small_worlds.FREE)
+    jobs = [EpisodeJob(made, dataclasses.replace(BLIND, controller=name), 1) for name in ("", "PurePursuit")]
+    assert [result.digest for result in run(jobs, 1)] == [drive(job).digest for job in jobs]
+
+
 def test_truth_has_no_error_and_amcl_finds_its_way_in_a_drawn_map(tmp_path):
     made = task(tmp_path, small_worlds.BENT)
     truth = Episode(made, make_setup(config_folder(), "truth", "known"), 1).run()
