@@ -16,21 +16,21 @@ from mbf_relay.geometry import Pose2D, Twist2D
 from mbf_relay.simulation.bullet import pybullet
 from mbf_relay.simulation.frames import Frame
 from mbf_relay.simulation.parameters import SimulationParameters
-from mbf_relay.simulation.physics import FIXED, GROUND, IDENTITY_QUATERNION, LOOSE, ROBOT, ROLLING, Physics
+from mbf_relay.simulation.physics import FIXED, GRAVITY, GROUND, IDENTITY_QUATERNION, LOOSE, ROBOT, ROLLING, Physics
 from mbf_relay.simulation.robot import AXLE as WHEEL_AXLE
 from mbf_relay.simulation.robot import DIFFERENTIAL, RobotModel
 from mbf_relay.simulation.shapes import Box, Cylinder
 
 WHEELS = (0, 1)
-RIM_CLEARANCE = 0.003  # m between the ground and the wheels' part of the hull, which only meets obstacles
+"""Links of the driven wheels, left and right."""
+RIM_CLEARANCE = 0.003
+"""Height (m) of the wheels' part of the hull above the ground, as balls carry the robot and this part only collides."""
 AXLE = (-math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5))
-"""Turns a joint's axis from z to y."""
-
-GRAVITY = 9.81
+"""Quaternion (x, y, z, w) that rotates a joint's axis from z to y."""
 CASTER_GIVES = 0.002
-"""Way (m) by which a caster on its spring gives under the whole weight."""
+"""Deflection (m) of a caster's contact spring under the robot's whole weight."""
 SERVO_GAINS, VELOCITY_GAINS = (0.1, 0.1), (1.0, 1.0)
-"""Share of the error in angle and in speed that the motors take away in one step."""
+"""PyBullet's positionGains and velocityGains: share of the error in angle and speed that is corrected in one step."""
 
 
 class Motion(NamedTuple):

@@ -10,10 +10,11 @@ from typing import Deque, Dict, Tuple, Type
 import numpy as np
 
 from mbf_relay.geometry import Twist2D, normalize_angle
-from mbf_relay.simulation.base import GRAVITY, Base
+from mbf_relay.simulation.base import Base
 from mbf_relay.simulation.drive import approach, limit_command, wheel_speeds
 from mbf_relay.simulation.four_wheels import mecanum_matrix
 from mbf_relay.simulation.parameters import SimulationParameters
+from mbf_relay.simulation.physics import GRAVITY
 from mbf_relay.simulation.robot import CAR, DIFFERENTIAL, OMNIDIRECTIONAL, RobotModel
 
 PARK_AFTER = 0.5

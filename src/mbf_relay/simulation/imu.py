@@ -10,8 +10,7 @@ import numpy as np
 from mbf_relay.simulation.base import Motion
 from mbf_relay.simulation.frames import Frame, quaternion_product
 from mbf_relay.simulation.parameters import SimulationParameters
-
-GRAVITY = 9.81
+from mbf_relay.simulation.physics import GRAVITY
 
 
 @dataclass(frozen=True)

@@ -18,6 +18,8 @@ from mbf_relay.simulation.frames import Frame
 from mbf_relay.simulation.lent import create_mesh
 from mbf_relay.simulation.shapes import Box, Cylinder, Shape, Sphere, indexed
 
+GRAVITY = 9.81
+"""Acceleration (m/s^2) of the world's gravity, along -z."""
 GROUND, FIXED, ROBOT, LOOSE, ROLLING = 2, 4, 16, 32, 64
 """Collision groups of the ground, fixed bodies, the robot's hull, movable bodies, and the robot's wheels."""
 
@@ -71,7 +73,7 @@ class Physics:
             self.client = pybullet.connect(pybullet.GUI)
         else:
             self.client = _left.pop() if _left else _connected()
-        pybullet.setGravity(0.0, 0.0, -9.81, physicsClientId=self.client)
+        pybullet.setGravity(0.0, 0.0, -GRAVITY, physicsClientId=self.client)
         # With cone friction, which is solved for both directions at once, wheels slip sideways in every turn.
         pybullet.setPhysicsEngineParameter(
             fixedTimeStep=1.0 / rate, numSolverIterations=iterations, deterministicOverlappingPairs=1,
