@@ -52,6 +52,16 @@ def test_a_file_that_holds_no_results_is_told_of_in_a_line_and_not_in_thousands(
     assert "line 2, is left out" in told and "so are 1499 more" in told and len(told.splitlines()) <= 2
 
 
+def test_who_gives_the_tables_is_told_what_to_give(tmp_path, capsys):
+    """Of a JSON parser's "line 1 column 1 (char 0)" nobody learnt that the folder is what is asked for."""
+    folder = batch(tmp_path / "a", [10.0, 11.0], {})
+    (folder / "results.csv").write_text("world,seed,outcome\nbarn_003,1,SUCCEEDED\n")
+    assert compare.main([str(folder / "results.csv"), str(folder)]) == 1
+    told = capsys.readouterr().err
+    assert "results.csv holds no results; give a batch's folder, or the episodes.jsonl in it" in told
+    assert "char 0" not in told
+
+
 def test_nothing_in_common_and_nothing_there_are_errors(tmp_path, capsys):
     first = batch(tmp_path / "a", [10.0], {})
     second = tmp_path / "b"
