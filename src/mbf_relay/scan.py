@@ -24,6 +24,7 @@ class LaserScan:
         range_min, range_max: Readings (m) outside of these are no measurements. A range_min of 0 becomes NEAREST.
         stamp: Time (s) of the scan.
         frame: Name of the sensor's frame.
+        sweep_time: Time (s) from the first beam to the last, 0 where the driver does not tell.
     """
 
     ranges: np.ndarray
@@ -33,6 +34,7 @@ class LaserScan:
     range_max: float
     stamp: float
     frame: str = "base_scan"
+    sweep_time: float = 0.0
 
     def __post_init__(self) -> None:
         if self.range_min == 0.0:

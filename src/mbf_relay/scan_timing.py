@@ -77,6 +77,9 @@ SPEAKING = 0.25
 """Share of such pairs that must speak for it: where none of the orders is right, one may now and then seem to be."""
 SPACINGS = 20
 """Scans of which the middle one of the times from one to the next is the time that a lidar turns in."""
+OUT_OF, NEARLY_WHOLE = 10, 0.1
+"""Scans of which a throttle passes one, at most; and how far from a whole number the spacing over the driver's own time
+for a scan may be, as a share: drivers fill that in carelessly, and what is no throttle's doing is not believed."""
 LATELY = 0.1
 """Seconds over which odometry is asked how the robot moves while a scan is taken."""
 FARTHEST_MOVED = 0.5
@@ -199,14 +202,20 @@ class ScanTiming:
             time += BETWEEN
 
     def _sweep_time(self, scan: LaserScan) -> float:
-        """Return the time (s) from a scan's first beam to its last where a sensor that turns takes them."""
+        """Return the time (s) from a scan's first beam to its last where a sensor that turns takes them.
+
+        It turns once from scan to scan, or a few times where scans are throttled, which the driver's own time tells.
+        """
         if len(self._stamps) < 2:
             return 0.0
         share = len(scan.ranges) * abs(scan.angle_increment) / (2.0 * math.pi)
         stamps = list(self._stamps)
         spacings = sorted(after - before for before, after in zip(stamps, stamps[1:]))
         middle = len(spacings) // 2  # NumPy's median takes longer than all else that most scans need
-        return min(1.0, share) * 0.5 * (spacings[middle] + spacings[~middle])
+        whole = min(1.0, share) * 0.5 * (spacings[middle] + spacings[~middle])
+        turns = round(min(whole / scan.sweep_time, 2 * OUT_OF)) if scan.sweep_time > 0.0 else 1
+        is_throttled = 1 < turns <= OUT_OF and abs(whole / (turns * scan.sweep_time) - 1.0) < NEARLY_WHOLE
+        return scan.sweep_time if is_throttled else whole
 
     def _compare(self, scan: LaserScan) -> None:
         """Hold a scan against those before it."""

@@ -41,16 +41,36 @@ def sweep(t, period, order, beams=360, first=0.0, span=2.0 * math.pi):
     return seen_from(0.0, 0.0, first + span / beams * np.arange(beams) + heading(times))
 
 
-def timing_of_sweeps(order, late=0.0, seconds=12.0, period=PERIOD, **layout):
-    """Return what so many seconds tell of a lidar that looks round while it turns; readings are a centimetre off."""
+def timing_of_sweeps(order, late=0.0, seconds=12.0, period=PERIOD, out_of=1, told=0.0, **layout):
+    """Return what so many seconds tell of a lidar that looks round while it turns; readings are a centimetre off.
+
+    One of `out_of` scans comes, of which the driver says that its beams took `told` seconds.
+    """
     rng, timing = np.random.default_rng(2), ScanTiming()
     layout = {"beams": 360, "first": 0.0, "span": 2.0 * math.pi, **layout}
-    for stamp in np.arange(2.0, 2.0 + seconds, period):
+    for stamp in np.arange(2.0, 2.0 + seconds, out_of * period):
         ranges = sweep(stamp - late, period, order, **layout) + rng.normal(0.0, 0.01, layout["beams"])
         ranges[rng.random(len(ranges)) < 0.03] = 0.0
         increment = layout["span"] / layout["beams"]
-        timing.take(LaserScan(ranges, layout["first"], increment, 0.1, 3.2, stamp), turning(heading))
+        scan = LaserScan(ranges, layout["first"], increment, 0.1, 3.2, stamp, sweep_time=told)
+        timing.take(scan, turning(heading))
     return timing
+
+
+@pytest.mark.parametrize("order", [FORWARDS, BACKWARDS])
+@pytest.mark.parametrize("period, out_of", [(0.2, 2), (0.1, 4)])
+def test_walls_stand_straight_in_a_turn_where_scans_are_throttled(order, period, out_of):
+    """A lidar of which every second scan came was thought to look round half as fast: its walls stayed bent."""
+    timing = timing_of_sweeps(order, seconds=40.0, period=period, out_of=out_of, told=0.98 * period)
+    assert timing.order == order
+    raw = LaserScan(sweep(23.1, period, order), 0.0, math.radians(1.0), 0.1, 4.0, 23.1, sweep_time=0.98 * period)
+    scan = timing.corrected(raw, turning(heading))
+    assert np.nanpercentile(np.abs(scan.ranges - room(heading(23.1))), 95) < 0.05
+
+
+@pytest.mark.parametrize("told", [0.0, 0.005, 0.13, 0.19, 0.2, 0.4, math.inf, math.nan])
+def test_a_driver_that_misstates_how_long_a_scan_takes_is_not_believed(told):
+    assert timing_of_sweeps(FORWARDS, told=told).order == FORWARDS
 
 
 @pytest.mark.parametrize("order", [FORWARDS, BACKWARDS, AT_ONCE])

@@ -186,4 +186,5 @@ def scan_from_message(message: LaserScanMessage) -> LaserScan:
     return LaserScan(
         ranges, message.angle_min, message.angle_increment, message.range_min,
         min(message.range_max, checks.LONGEST_RANGE), message.header.stamp.to_sec(), message.header.frame_id,
+        abs(message.time_increment) * len(ranges),
     )
