@@ -172,13 +172,11 @@ class NavigationEnvironment(gymnasium.Env):
             raise ValueError(f"an action has shape {wanted.shape}; it must be {self.action_space.shape}")
         x, *aside, yaw = (np.clip(wanted, -1.0, 1.0) * self.top_velocity).tolist()
         simulation.set_command(Twist2D(x, aside[0] if aside else 0.0, yaw))
-        touched = False
-        for _ in range(self._steps):
-            observations = simulation.step()
+        left, touched = self._steps, False
+        while left and not touched:
+            steps, observations = simulation.advance(left)
             self._take(observations)
-            if observations.contacts:
-                touched = True
-                break
+            left, touched = left - steps, bool(observations.contacts)
         reward, success = self._reward(touched)
         late = simulation.now - self._began > self._task.time_limit
         return self._observed(), reward, touched or success, late and not (touched or success), self._info(success)
