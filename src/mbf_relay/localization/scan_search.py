@@ -55,24 +55,26 @@ class ScanSearch:
         self._field = field
         sigma = max(SIGMA, field.resolution)
         scores = (255.0 * np.exp(np.square(field.face_distances) * np.float32(-0.5 / sigma ** 2))).astype(np.uint8)
-        free = is_free(field.occupancy.data).view(np.uint8)
         self._leaf = max(0, round(math.log2(PLACE / field.resolution)))
         self._top = max(self._leaf + 1, round(math.log2(TOP / field.resolution)))
-        fits, reachable, rows = [], [], []
-        begin = 0
+        best, open_cells = scores[field.codes], is_free(field.occupancy.data).view(np.uint8)
+        shapes = [best.shape]
+        for _ in range(self._top):
+            shapes.append(((shapes[-1][0] + 1) // 2, (shapes[-1][1] + 1) // 2))
+        ends = np.cumsum([(height + 1) * (width + 1) for height, width in shapes])
+        self._levels = np.column_stack((np.concatenate(([0], ends[:-1])), shapes)).astype(np.int64)
+        self._scores, self._free = np.zeros(ends[-1], dtype=np.uint8), np.zeros(ends[-1], dtype=np.uint8)
         for level in range(self._top + 1):
-            if level == 0:
-                best, open_cells = scores[field.codes], free
-            else:
-                best, open_cells = _halved(best), _halved(open_cells)
-            padded = np.pad(best, ((1, 1), (1, 1)))
-            around = np.maximum(padded[:-1], padded[1:])
-            fits.append(np.maximum(around[:, :-1], around[:, 1:]).ravel())
-            reachable.append(np.pad(open_cells, ((1, 0), (1, 0))).ravel())
-            rows.append((begin, *best.shape))
-            begin += len(reachable[-1])
-        self._scores, self._free = np.concatenate(fits), np.concatenate(reachable)
-        self._levels = np.array(rows, dtype=np.int64)
+            fits, reachable = self._level(self._scores, level), self._level(self._free, level)
+            fits[:-1, :-1], reachable[1:, 1:] = best, open_cells
+            best, open_cells = _halved(best), _halved(open_cells)
+            np.maximum(fits[1:], fits[:-1], out=fits[1:])
+            np.maximum(fits[:, 1:], fits[:, :-1], out=fits[:, 1:])
+
+    def _level(self, pyramid: np.ndarray, level: int) -> np.ndarray:
+        """Return a level, with the row and the column of blocks before its first, as a view of the pyramid."""
+        begin, height, width = self._levels[level]
+        return pyramid[begin:begin + (height + 1) * (width + 1)].reshape(height + 1, width + 1)
 
     def search(self, hits: np.ndarray, most: int = 200, margin: float = MARGIN) -> Places:
         """Return the places where a scan fits best, none within 0.3 m and 0.15 rad of a better one.
@@ -122,8 +124,7 @@ class ScanSearch:
 
     def _blocks(self) -> np.ndarray:
         """Return row and column of the blocks to begin with, shape (R, 2)."""
-        begin, height, width = self._levels[self._top]
-        return np.ascontiguousarray(np.argwhere(self._free[begin:].reshape(height + 1, width + 1)[1:, 1:]))
+        return np.ascontiguousarray(np.argwhere(self._level(self._free, self._top)[1:, 1:]))
 
     def _offsets(self, endpoints: np.ndarray, headings: np.ndarray) -> np.ndarray:
         cos, sin = np.cos(headings)[:, None], np.sin(headings)[:, None]
@@ -137,7 +138,8 @@ class ScanSearch:
 def _halved(values: np.ndarray) -> np.ndarray:
     """Return the highest of every 2 x 2 cells; an odd last row or column stands alone."""
     height, width = values.shape
-    padded = np.zeros((height + height % 2, width + width % 2), dtype=values.dtype)
-    padded[:height, :width] = values
-    highest: np.ndarray = padded.reshape(padded.shape[0] // 2, 2, -1, 2).max(axis=(1, 3))
+    highest = np.zeros(((height + 1) // 2, (width + 1) // 2), dtype=values.dtype)
+    for part in (values[::2, ::2], values[1::2, ::2], values[::2, 1::2], values[1::2, 1::2]):
+        place = highest[:part.shape[0], :part.shape[1]]
+        np.maximum(place, part, out=place)
     return highest

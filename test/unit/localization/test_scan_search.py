@@ -104,6 +104,20 @@ def test_a_robot_on_a_large_map_is_looked_for_in_little_memory():
     assert len(found.poses) > 0 and most < 45 * (480 // 16) * (600 // 16) * TURNS
 
 
+def test_a_large_map_is_prepared_in_little_memory():
+    """What a map of 400 x 400 m is searched by took half a gigabyte for a moment, on a computer that may have one."""
+    walls = np.zeros((2000, 2000), dtype=np.int8)
+    walls[:, 0] = 100
+    field = DistanceField(OccupancyMap(walls, 0.05, ORIGIN), 2.0)
+    tracemalloc.start()
+    try:
+        ScanSearch(field)
+        _, most = tracemalloc.get_traced_memory()
+    finally:
+        tracemalloc.stop()
+    assert most < 6.5 * walls.nbytes
+
+
 def test_a_search_that_ends_early_tells_how_much_it_left_out(monkeypatch):
     """A robot on a large map was told to be where it is not, and nobody that most of the map had not been looked at."""
     search, scan = ScanSearch(DistanceField(room(), 2.0)), hits(room(), Pose2D(-1.5, 0.5, 0.3))
