@@ -36,17 +36,20 @@ def map_of_world(world: World, grid: Grid, height: float = SCAN_HEIGHT) -> Occup
         height: Height at which the world is cut (m).
 
     Raises:
-        ValueError: The robot's start is outside of the grid, or inside a wall or another body.
+        ValueError: The robot's start is outside of the grid, inside a wall or another body, or in a cell with one.
     """
     standing = _standing(world)
     walls = _cells_crossed(standing.outline(height), grid)
     if not grid.contains_point(world.start.x, world.start.y):
         raise ValueError(f"the start ({world.start.x}, {world.start.y}) of world '{world.name}' lies off the map")
     column, row = grid.cell_at(world.start.x, world.start.y)
-    if walls[row, column] or _starts_inside(standing, height):
+    start = f"the start ({world.start.x}, {world.start.y}) of world '{world.name}' lies in"
+    if _starts_inside(standing, height):
+        raise ValueError(f"{start} a wall or another solid; give a start with room round it")
+    if walls[row, column]:
         raise ValueError(
-            f"the start ({world.start.x}, {world.start.y}) of world '{world.name}' lies in a wall or another solid; "
-            "give a start with room round it")
+            f"{start} a cell of {grid.resolution:g} m with a wall or another solid; give a finer resolution or another "
+            "start")
     cells = (~walls).astype(np.uint8)
     flood(cells, column, row)
     free = cells == 2

@@ -118,6 +118,14 @@ def test_a_start_that_is_no_place_is_refused(start, text):
         map_of_world(world, grid)
 
 
+def test_who_draws_coarse_cells_is_not_told_that_the_robot_starts_in_a_wall():
+    """It stood with half a metre of room, and the cell it stood in reached to a wall."""
+    world = World("w", (Body("b", Box((0.1, 4.0, 1.0)), Frame.of(0.6, 0.0, 0.5)),), Pose2D(0.1, 0.1, 0.0))
+    with pytest.raises(ValueError, match="lies in a cell of 1 m with a wall or another solid; give a finer res"):
+        map_of_world(world, Grid(1.0, -3.0, -3.0, 6, 6))
+    assert map_of_world(world, Grid(0.05, -3.0, -3.0, 120, 120)).data.any()
+
+
 def test_the_command_writes_a_map_and_says_what_is_wrong(tmp_path, capsys):
     assert main(["arena", str(tmp_path / "new" / "arena"), "--size", "384", "384"]) == 0
     assert (tmp_path / "new" / "arena.pgm").read_bytes() == ARENA_MAP.with_suffix(".pgm").read_bytes()
