@@ -46,7 +46,7 @@ def run_node(name: str, place: str, **arguments: Any) -> None:
     """
     ending = NodeEnding()
     os.environ.setdefault(ALGEBRA_THREADS, "1")  # before NumPy is imported
-    _start_soon()
+    _import_rospy()
     import rospy  # imported after NodeEnding(), hence not interrupted by signals
 
     module_name, _, function = place.rpartition(".")
@@ -57,14 +57,14 @@ def run_node(name: str, place: str, **arguments: Any) -> None:
         about = str(sys.modules["__main__"].__doc__ or module.__doc__).strip()
         print(str(getattr(module, "USAGE", about + READ_ON)).strip())
         ending.leave(0)
-    status = _misread(name, line, getattr(module, "check_arguments", None))
+    status = _check_command_line(name, line, getattr(module, "check_arguments", None))
     if status:
         ending.leave(status)
     ending.use(rospy.signal_shutdown)
-    ending.leave(_live(name, lambda: getattr(module, function)(**arguments), ending))
+    ending.leave(_run_main(name, lambda: getattr(module, function)(**arguments), ending))
 
 
-def _misread(name: str, line: Sequence[str], check: Optional[Callable[[Sequence[str]], Any]]) -> int:
+def _check_command_line(name: str, line: Sequence[str], check: Optional[Callable[[Sequence[str]], Any]]) -> int:
     """Check a node's command line arguments; return 0 where they are valid, else print why and return an exit status.
 
     Arguments of a node that takes none are ignored, as by upstream's nodes, but with a warning.
@@ -94,7 +94,7 @@ def run_program(place: str) -> None:
         place: Full name of the function, as for `run_node`.
     """
     ending = NodeEnding(INTERRUPTED)
-    _start_soon()
+    _import_rospy()
     import traceback
 
     import rospy
@@ -118,7 +118,7 @@ def run_program(place: str) -> None:
     ending.leave(status)
 
 
-def _start_soon() -> None:
+def _import_rospy() -> None:
     """Set up logging and import rospy with this package's patches; see `rospy_patches`."""
     import logging
 
@@ -128,20 +128,20 @@ def _start_soon() -> None:
     logging.setLogRecordFactory(logs.PlainRecord)
     logs.complain_once()
     spare_what_nobody_uses()
-    from mbf_relay.ros.common.rospy_patches.accepting import hear_out_each_by_itself
+    from mbf_relay.ros.common.rospy_patches.accepting import accept_in_threads
     from mbf_relay.ros.common.rospy_patches.connecting import connect_surely
     from mbf_relay.ros.common.rospy_patches.receiving import receive_with_less
     from mbf_relay.ros.common.rospy_patches.sending import send_with_less
     from mbf_relay.ros.common.rospy_patches.starting import start_soon
 
-    hear_out_each_by_itself()
+    accept_in_threads()
     connect_surely()
     start_soon()
     receive_with_less()
     send_with_less()
 
 
-def _live(name: str, main: Callable[[], None], ending: NodeEnding) -> int:
+def _run_main(name: str, main: Callable[[], None], ending: NodeEnding) -> int:
     """Start a node, run `main` and shut ROS down; return the exit status."""
     import traceback
 

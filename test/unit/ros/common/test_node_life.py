@@ -28,7 +28,7 @@ def closing(monkeypatch):
 
 
 def test_a_node_stopped_while_it_publishes_ends_without_a_traceback(closing, capsys):
-    assert node._live("amcl", closing, None) == 0
+    assert node._run_main("amcl", closing, None) == 0
     assert "Traceback" not in capsys.readouterr().err
 
 
@@ -37,7 +37,7 @@ def test_a_node_whose_master_leaves_while_it_starts_says_so_in_one_line(closing,
         raise rospy.ROSInitException("Failed to initialize time.\nPlease check logs for additional details")
 
     monkeypatch.setattr(rospy, "init_node", init_node)
-    assert node._live("amcl", closing, None) == 1
+    assert node._run_main("amcl", closing, None) == 1
     (said,) = capsys.readouterr().err.splitlines()
     assert "amcl could not be started: Failed to initialize time. Please check" in said
 

@@ -29,12 +29,12 @@ from mbf_relay.ros.common.rospy_patches.named_locks import NamedLocks
 
 PATIENCE = 5.0
 """Wall seconds for the handshake header, which nodes send as soon as they are connected."""
-LONGEST = 1 << 20
+LONGEST_HANDSHAKE = 1 << 20
 """Largest size (bytes) of a handshake header; with the definition of the longest message it has some ten thousand."""
 MOST_AT_A_TIME = 200
 """Largest number of handshakes at a time, and of XML-RPC calls; further connections are closed. Also of connections to
 services, of which the oldest is closed, since some clients keep theirs open for good."""
-MOST_LISTENERS = 400
+MOST_SUBSCRIBERS = 400
 """Largest number of connections to a node's topics, each of which takes a thread, a file descriptor and 0.2 MiB.
 Further ones are refused, rather than old ones closed, since rospy's subscribers do not reconnect. Together with
 MOST_AT_A_TIME these stay within the usual thousand file descriptors. All nodes of a fleet may subscribe to one /clock.
@@ -46,89 +46,89 @@ LONGEST_SILENCE = 60.0
 OUT_OF_FILES, PAUSE = (errno.EMFILE, errno.ENFILE), 0.1
 """Errors of accept(2) where there are no file descriptors left, and wall seconds until the next attempt."""
 _LENGTH = struct.Struct("<I")
-_take_as_rospy, _serve_as_rospy = TCPServer.run, ServiceImpl.handle
-_unheard, _calling = threading.Semaphore(MOST_AT_A_TIME), threading.Semaphore(MOST_AT_A_TIME)  # handshakes, XML-RPC
+_accept_as_rospy, _serve_as_rospy = TCPServer.run, ServiceImpl.handle
+_handshakes, _xmlrpc_calls = threading.Semaphore(MOST_AT_A_TIME), threading.Semaphore(MOST_AT_A_TIME)
 _served: Deque[Any] = collections.deque()  # connections to services, oldest first
-_serving = threading.Lock()  # guards it
+_served_lock = threading.Lock()  # guards it
 # rospy's connection handlers are not thread-safe. One lock for each topic or service, as a handler may take long, e.g.
 # to ask the master; taken before any of rospy's locks. Their names come from outside, hence NamedLocks.
-_handling = NamedLocks()
+_handler_locks = NamedLocks()
 
 
-def hear_out_each_by_itself() -> None:
+def accept_in_threads() -> None:
     """Apply this module's patches to rospy; before rospy.init_node."""
-    TCPServer.run = take_all
-    TCPROSServer._tcp_server_callback = take_up
+    TCPServer.run = accept_all
+    TCPROSServer._tcp_server_callback = start_handshake
     SilenceableXMLRPCRequestHandler.timeout = LONGEST_SILENCE
     ThreadingXMLRPCServer.request_queue_size = WAITING_AT_MOST
-    ThreadingXMLRPCServer.process_request = answer
-    ThreadingXMLRPCServer.process_request_thread = _answer
+    ThreadingXMLRPCServer.process_request = answer_xmlrpc
+    ThreadingXMLRPCServer.process_request_thread = _answer_xmlrpc
     ServiceImpl.handle = serve
 
 
-def take_all(server: Any) -> None:
+def accept_all(server: Any) -> None:
     """Accept connections as TCPServer.run does, which ends for good when file descriptors run out; replaces it."""
     server.server_sock.listen(WAITING_AT_MOST)
     while not server.is_shutdown:
         try:
-            _take_as_rospy(server)
+            _accept_as_rospy(server)
         except OSError as error:
             if error.errno not in OUT_OF_FILES:
                 raise
             time.sleep(PAUSE)
 
 
-def take_up(server: Any, connection: socket.socket, address: Tuple[str, int]) -> None:
+def start_handshake(server: Any, connection: socket.socket, address: Tuple[str, int]) -> None:
     """Start a thread for a connection's handshake; replaces TCPROSServer._tcp_server_callback."""
-    if not _unheard.acquire(blocking=False):
+    if not _handshakes.acquire(blocking=False):
         connection.close()
         return
     try:
         threading.Thread(
-            target=_hear_out, args=(server, connection, address), name="TCPROS handshake", daemon=True).start()
+            target=_do_handshake, args=(server, connection, address), name="TCPROS handshake", daemon=True).start()
     except RuntimeError:  # no thread can be started now
-        _unheard.release()
+        _handshakes.release()
         connection.close()
 
 
-def answer(server: Any, connection: socket.socket, address: Tuple[str, int]) -> None:
+def answer_xmlrpc(server: Any, connection: socket.socket, address: Tuple[str, int]) -> None:
     """Serve an XML-RPC connection in a thread, MOST_AT_A_TIME at most; replaces process_request of rospy's server."""
-    if not _calling.acquire(blocking=False):
+    if not _xmlrpc_calls.acquire(blocking=False):
         server.shutdown_request(connection)
         return
     try:
         ThreadingMixIn.process_request(server, connection, address)
     except RuntimeError:
-        _calling.release()
+        _xmlrpc_calls.release()
         raise
 
 
-def _answer(server: Any, connection: socket.socket, address: Tuple[str, int]) -> None:
+def _answer_xmlrpc(server: Any, connection: socket.socket, address: Tuple[str, int]) -> None:
     try:
         ThreadingMixIn.process_request_thread(server, connection, address)
     finally:
-        _calling.release()
+        _xmlrpc_calls.release()
 
 
 def serve(service: Any, connection: Any, header: Mapping[str, str]) -> None:
     """Serve a connection to a service as ServiceImpl.handle does, which it replaces; closes the oldest of too many."""
-    with _serving:
+    with _served_lock:
         _served.append(connection)
         oldest = _served.popleft() if len(_served) > MOST_AT_A_TIME else None
     if oldest is not None:
-        _hang_up(oldest.socket)
+        _shut_down(oldest.socket)
     try:
-        if _asks(connection.socket):
+        if _sends_request(connection.socket):
             _serve_as_rospy(service, connection, header)
         else:
             connection.close()
     finally:
-        with _serving:
+        with _served_lock:
             if connection in _served:
                 _served.remove(connection)
 
 
-def _asks(connection: socket.socket) -> bool:
+def _sends_request(connection: socket.socket) -> bool:
     """Wait for a service request; return False where the client disconnects without one, for which rospy logs an error.
     """
     try:
@@ -137,7 +137,7 @@ def _asks(connection: socket.socket) -> bool:
         return False
 
 
-def _hang_up(connection: Optional[socket.socket]) -> None:
+def _shut_down(connection: Optional[socket.socket]) -> None:
     """Shut a connection down, so that the thread that reads from it ends."""
     try:
         if connection is not None:
@@ -146,27 +146,27 @@ def _hang_up(connection: Optional[socket.socket]) -> None:
         pass  # closed already
 
 
-def _hear_out(server: Any, connection: socket.socket, address: Tuple[str, int]) -> None:
+def _do_handshake(server: Any, connection: socket.socket, address: Tuple[str, int]) -> None:
     try:
-        header = first_words(connection)
+        header = read_handshake(connection)
         if header is None:
             connection.close()
             return
-        with _handling.of(header.get("topic") or header.get("service", "")):
+        with _handler_locks.of(header.get("topic") or header.get("service", "")):
             trouble = _hand_over(server, connection, address, header)
         if trouble:
             write_ros_handshake_header(connection, {"error": trouble})
     except Exception as error:  # any error of a peer's input concerns this connection only
         trouble = str(error)
     finally:
-        _unheard.release()
+        _handshakes.release()
     if trouble:
         connection.close()
         if not rospy.core.is_shutdown_requested():
             rospy.logwarn_throttle(PATIENCE, f"a connection from {address[0]} was refused: {trouble[:200]}")
 
 
-def first_words(connection: socket.socket) -> Optional[Dict[str, str]]:
+def read_handshake(connection: socket.socket) -> Optional[Dict[str, str]]:
     """Return a connection's handshake header, None where the peer closed it without sending anything.
 
     The socket is blocking without a timeout again afterwards.
@@ -176,8 +176,9 @@ def first_words(connection: socket.socket) -> Optional[Dict[str, str]]:
     """
     end, read = time.monotonic() + PATIENCE, b""
     while len(read) < _LENGTH.size or len(read) < _LENGTH.size + _LENGTH.unpack_from(read)[0]:
-        if len(read) >= _LENGTH.size and _LENGTH.unpack_from(read)[0] > LONGEST:
-            raise ROSHandshakeException(f"its first words are {_LENGTH.unpack_from(read)[0]} bytes; at most {LONGEST}")
+        if len(read) >= _LENGTH.size and _LENGTH.unpack_from(read)[0] > LONGEST_HANDSHAKE:
+            raise ROSHandshakeException(
+                f"its first words are {_LENGTH.unpack_from(read)[0]} bytes; at most {LONGEST_HANDSHAKE}")
         left = end - time.monotonic()
         try:
             if left <= 0.0:
@@ -196,7 +197,7 @@ def first_words(connection: socket.socket) -> Optional[Dict[str, str]]:
     return header
 
 
-def listeners() -> int:
+def subscriber_connections() -> int:
     """Return the number of connections to topics that this node publishes."""
     return sum(len(topic.connections) for topic in list(get_topic_manager().pubs.values()))
 
@@ -204,8 +205,8 @@ def listeners() -> int:
 def _hand_over(server: Any, connection: socket.socket, address: Tuple[str, int], header: Dict[str, str]) -> str:
     """Pass a connection to rospy's topic or service handler; return why it is refused, empty where it is not."""
     if "topic" in header:
-        if listeners() >= MOST_LISTENERS:
-            return f"{MOST_LISTENERS} connections listen to this node's topics already"
+        if subscriber_connections() >= MOST_SUBSCRIBERS:
+            return f"{MOST_SUBSCRIBERS} connections listen to this node's topics already"
         handle = server.topic_connection_handler
     elif "service" in header:
         handle = server.service_connection_handler

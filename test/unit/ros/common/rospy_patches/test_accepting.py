@@ -37,7 +37,7 @@ class Node:
     """Takes connections, as a publisher does."""
 
     def __init__(self, monkeypatch):
-        monkeypatch.setattr(TCPROSServer, "_tcp_server_callback", accepting.take_up)
+        monkeypatch.setattr(TCPROSServer, "_tcp_server_callback", accepting.start_handshake)
         monkeypatch.setenv("ROS_IP", "127.0.0.1")
         self.refusals, self.heard, self.limits = [], [], []
         monkeypatch.setattr(accepting.rospy, "logwarn_throttle", lambda period, text: self.refusals.append(text))
@@ -90,7 +90,7 @@ def test_strangers_who_listen_and_never_read_leave_a_node_files_and_threads(node
     """Each held a thread and a file; with a thousand nobody could ask the node for anything any more."""
     topics = SimpleNamespace(pubs={"/tf": SimpleNamespace(connections=node.heard)})
     monkeypatch.setattr(accepting, "get_topic_manager", lambda: topics)
-    for number in range(accepting.MOST_LISTENERS):
+    for number in range(accepting.MOST_SUBSCRIBERS):
         node.hears_of(f"/silent{number}")
     with node.connect(words(callerid="/one_more", topic="/tf")) as connection:
         connection.settimeout(20.0)
@@ -114,13 +114,13 @@ def test_who_talks_nonsense_is_refused_in_one_line(node, text):
 
 
 def test_a_crowd_that_says_nothing_takes_no_more_files_than_a_few(node, monkeypatch):
-    monkeypatch.setattr(accepting, "_unheard", threading.Semaphore(3))
+    monkeypatch.setattr(accepting, "_handshakes", threading.Semaphore(3))
     silent = [node.connect() for _ in range(3)]
-    wait_until(lambda: not accepting._unheard._value, "all of them to be heard out")
+    wait_until(lambda: not accepting._handshakes._value, "all of them to be heard out")
     assert [node.connect().recv(1) for _ in range(20)] == [b""] * 20, "each is let go"
     for connection in silent:
         connection.close()
-    wait_until(lambda: accepting._unheard._value == 3, "all of them to have left")
+    wait_until(lambda: accepting._handshakes._value == 3, "all of them to have left")
     node.hears_of("/velocity_guard")
 
 
@@ -147,7 +147,7 @@ def test_who_says_a_letter_at_a_time_is_not_heard_out_for_longer_than_others(mon
     with connection, other:
         other.sendall(words(callerid="/a", topic="/cmd_vel"))
         with pytest.raises(ROSHandshakeException, match="said nothing of itself within"):
-            accepting.first_words(connection)
+            accepting.read_handshake(connection)
 
 
 class NoThread:
@@ -162,7 +162,7 @@ class NoThread:
 
 def test_a_node_that_could_start_no_thread_for_a_while_hears_others_afterwards(node, monkeypatch):
     """The thread that takes connections ended of it, and the node was deaf for good."""
-    monkeypatch.setattr(accepting, "_unheard", threading.Semaphore(1))
+    monkeypatch.setattr(accepting, "_handshakes", threading.Semaphore(1))
     with monkeypatch.context() as short_of_threads:
         short_of_threads.setattr(accepting.threading, "Thread", NoThread)
         assert [node.connect().recv(1) for _ in range(3)] == [b""] * 3, "each is let go"
@@ -172,8 +172,8 @@ def test_a_node_that_could_start_no_thread_for_a_while_hears_others_afterwards(n
 def test_many_who_come_at_once_are_not_sent_away_for_a_second(monkeypatch):
     """A guard that came back while a stranger knocked without end was heard a second later each time it tried."""
     come = threading.Event()
-    monkeypatch.setattr(accepting, "_take_as_rospy", lambda _server: come.wait(60.0))
-    monkeypatch.setattr(TCPServer, "run", accepting.take_all)
+    monkeypatch.setattr(accepting, "_accept_as_rospy", lambda _server: come.wait(60.0))
+    monkeypatch.setattr(TCPServer, "run", accepting.accept_all)
     monkeypatch.setenv("ROS_IP", "127.0.0.1")
     server, connections = TCPROSServer(), []
     server.start_server()
@@ -203,12 +203,12 @@ def test_a_node_that_had_no_file_left_for_a_while_takes_connections_afterwards(m
     server = SimpleNamespace(
         is_shutdown=False, port=0, server_sock=SimpleNamespace(accept=accept, listen=lambda _most: None),
         inbound_handler=lambda *come: taken.append(come))
-    accepting.take_all(server)
+    accepting.accept_all(server)
     assert taken == [("connection", "address")]
 
 
 def test_a_node_that_could_start_no_thread_for_a_while_answers_in_xml_rpc_afterwards(monkeypatch):
-    monkeypatch.setattr(accepting, "_calling", threading.Semaphore(1))
+    monkeypatch.setattr(accepting, "_xmlrpc_calls", threading.Semaphore(1))
     with monkeypatch.context() as short_of_threads:
         short_of_threads.setattr(accepting.threading, "Thread", NoThread)
         server = SimpleNamespace(
@@ -216,8 +216,8 @@ def test_a_node_that_could_start_no_thread_for_a_while_answers_in_xml_rpc_afterw
             shutdown_request=lambda connection: None)
         for _ in range(3):
             with pytest.raises(RuntimeError):  # its caller knows what to do
-                accepting.answer(server, None, ("", 0))
-    assert accepting._calling._value == 1
+                accepting.answer_xmlrpc(server, None, ("", 0))
+    assert accepting._xmlrpc_calls._value == 1
 
 
 class Slave:
@@ -235,10 +235,10 @@ def test_threads_do_not_pile_up_where_cables_are_cut_in_xml_rpc(monkeypatch):
     monkeypatch.setattr(ServiceImpl, "handle", ServiceImpl.handle)
     monkeypatch.setattr(ThreadingXMLRPCServer, "request_queue_size", ThreadingXMLRPCServer.request_queue_size)
     monkeypatch.setattr(accepting, "LONGEST_SILENCE", 0.01)
-    monkeypatch.setattr(accepting, "_calling", threading.Semaphore(3))
+    monkeypatch.setattr(accepting, "_xmlrpc_calls", threading.Semaphore(3))
     for name in ("process_request", "process_request_thread"):
         monkeypatch.setattr(ThreadingXMLRPCServer, name, getattr(ThreadingXMLRPCServer, name))
-    accepting.hear_out_each_by_itself()
+    accepting.accept_in_threads()
     before = threading.active_count()
     node = XmlRpcNode(rpc_handler=None)
     node._run_init()
@@ -249,7 +249,7 @@ def test_threads_do_not_pile_up_where_cables_are_cut_in_xml_rpc(monkeypatch):
         silent = [socket.create_connection(("127.0.0.1", node.port), 10.0) for _ in range(20)]
         assert [connection.recv(1) for connection in silent] == [b""] * 20, "each is let go"
         assert threading.active_count() <= before + 4
-        wait_until(lambda: accepting._calling._value == 3, "all of them to have left")
+        wait_until(lambda: accepting._xmlrpc_calls._value == 3, "all of them to have left")
         with ServerProxy(node.uri) as proxy:
             assert proxy.getPid("/master")[2] == 7
             wait_until(lambda: threading.active_count() <= before + 1, "a client that is silent to be let go")
@@ -342,12 +342,12 @@ def test_a_topic_that_waits_for_a_master_that_hangs_keeps_nobody_from_the_wheels
     finally:
         answered.set()
     wait_until(lambda: node.heard == ["/wheels", "/rviz"], "both")
-    wait_until(lambda: not accepting._handling, "no lock left")
+    wait_until(lambda: not accepting._handler_locks, "no lock left")
 
 
 def test_two_at_a_time_are_handled_one_after_the_other(node, monkeypatch):
     inside, most, handling = [], [], WatchedLock()
-    monkeypatch.setattr(accepting._handling, "of", {"/a": handling}.get)
+    monkeypatch.setattr(accepting._handler_locks, "of", {"/a": handling}.get)
 
     def take(_connection, _address, header):
         inside.append(header)
