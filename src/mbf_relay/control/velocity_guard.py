@@ -319,8 +319,6 @@ class VelocityGuard:
             return None
         before = clearances(near, self._outline)
         near, before = near[before > -OWN_DEPTH], before[before > -OWN_DEPTH]
-        if not len(near):
-            return None
         off, reach = near - poses[:, None, :2], self._radius + margin + TOUCH  # what lies beyond is not too near there
         which, point = np.nonzero(off[..., 0] ** 2 + off[..., 1] ** 2 <= reach * reach)
         (x, y), turned = off[which, point].T, poses[which, 2]

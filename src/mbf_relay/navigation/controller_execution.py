@@ -345,7 +345,7 @@ class ControllerExecution:
         parameters = self._parameters()
         self._retries += 1
         retries = parameters.controller_max_retries
-        if retries == 0 or 0 < retries < self._retries:
+        if 0 <= retries < self._retries:
             self._end(Ending.ABORTED, outcome, message)
         elif self._patience_exceeded(now):
             self._run_out_of_patience(outcome, message)

@@ -229,8 +229,7 @@ class PlannerExecution:
         retries = parameters.planner_max_retries
         self._retries, self.tried_in_vain = self._retries + 1, True
         self._last_failure, self._cause = error.message, error.outcome
-        tried_enough = retries == 0 or (retries > 0 and self._retries > retries)
-        if not self._retry or tried_enough or is_last_try or error.outcome in HOPELESS:
+        if not self._retry or 0 <= retries < self._retries or is_last_try or error.outcome in HOPELESS:
             self.give_up(Ending.ABORTED, error.outcome, error.message)
         else:
             self._pacer.postpone(now, RETRY_DELAY)
