@@ -4,6 +4,7 @@
 import json
 import os
 import re
+import shlex
 import shutil
 import signal
 import subprocess
@@ -19,6 +20,7 @@ import rostest
 TEST = Path(os.path.abspath(__file__)).parents[1]
 sys.path.insert(0, str(TEST))
 
+from programs import program  # noqa: E402
 from readmes import block_with, command_with, first_command, run_to_end, texts  # noqa: E402
 from ros_testing import wait_until  # noqa: E402
 from virtual_screen import RViz, VirtualScreen  # noqa: E402
@@ -183,7 +185,8 @@ class TestReadme(unittest.TestCase):
         shutil.copy(str(TEST / "launch_files" / "box_on_wheels.urdf"), os.path.join(self.folder.name, "my_robot.urdf"))
         self.run_to_end(command_with("robot_parameters.py", ".urdf"))
         self.launch(command_with("demo.launch", ".urdf") + FASTER, "/simulator", "/amcl", "/move_base_flex", "/move_base")
-        self.assertIn("Goal execution done!", self.run_to_end("rosrun mbf_relay movebase_client.py -1.5 -0.5"))
+        client = shlex.quote(program("movebase_client.py"))
+        self.assertIn("Goal execution done!", self.run_to_end(f"{client} -1.5 -0.5"))
 
 
 if __name__ == "__main__":
