@@ -1,6 +1,6 @@
 """Compile the package's kernels ahead, or fill numba's cache where that cannot be done.
 
-usage: python -m mbf_relay.kernel_build FOLDER [--objects FOLDER] [--compiler CC]
+usage: python -m mbf_relay.kernel_build [FOLDER] --objects FOLDER [--compiler CC]
 """
 
 from __future__ import annotations
@@ -32,10 +32,15 @@ HERE = Path(__file__).parent
 def main() -> None:
     """Build the module, and say in one line what came of it."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("folder", type=Path, help="where the module goes")
+    parser.add_argument(
+        "folder", type=Path, nargs="?", help="where the module goes; without it only what it is linked from is made"
+    )
     parser.add_argument("--objects", type=Path, required=True, help="where what is compiled is kept for the next time")
     parser.add_argument("--compiler", default="cc", help="of C")
     arguments = parser.parse_args()
+    if arguments.folder is None:
+        _compile(_sources(), arguments.objects)
+        return
     try:
         place = build(arguments.folder, arguments.objects, arguments.compiler)
     except Exception as error:  # whatever a compiler, a header or another numba lacks: nodes can do without
@@ -58,9 +63,8 @@ def build(folder: Path, objects: Path, compiler: str) -> Path:
     Raises:
         Exception: It cannot be made; a CalledProcessError has the compiler's words.
     """
-    objects.mkdir(parents=True, exist_ok=True)
     folder.mkdir(parents=True, exist_ok=True)
-    sources = {name: kernels.digest(_source_of(name)) for name in kernels.module_names()}
+    sources = _sources()
     entries = _compile(sources, objects)
     wrappers = objects / "wrappers.c"
     wrappers.write_text((HERE / "support.c").read_text() + module_source(entries, sources), encoding="utf-8")
@@ -101,6 +105,7 @@ def _require_loadable(path: Path) -> None:
 
 def _compile(sources: Dict[str, str], objects: Path) -> Dict[str, List[List[KernelEntry]]]:
     """Make the object files that are not there and return what is in all: each kernel for each of the features."""
+    objects.mkdir(parents=True, exist_ok=True)
     found: Dict[str, List[List[KernelEntry]]] = {name: [] for name in sources}
     for features in sorted({each for name in sources for each in features_of(name)}):
         places = {name: _object(objects, sources, name, features) for name in sources if features in features_of(name)}
@@ -124,6 +129,11 @@ def _object(objects: Path, sources: Dict[str, str], name: str, features: str) ->
     state = sources[name] + made_by + sys.version + version("numba") + features
     key = hashlib.sha256(state.encode()).hexdigest()[:16]
     return objects / f"{name}-{key}.o"
+
+
+def _sources() -> Dict[str, str]:
+    """Return the digest of each kernel module's source."""
+    return {name: kernels.digest(_source_of(name)) for name in kernels.module_names()}
 
 
 def _source_of(name: str) -> str:

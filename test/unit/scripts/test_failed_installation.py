@@ -5,6 +5,7 @@ import subprocess
 from pathlib import Path
 
 import pytest
+from ros_testing import wait_until
 
 RUN = Path(__file__).resolve().parents[3] / "scripts" / "run"
 PACKAGES = [f"package{number}" for number in range(60)]
@@ -50,11 +51,13 @@ def told(tmp_path, program, call, status=1):
     """Return what the script's own functions say with others in the place of what they call."""
     text = RUN.read_text(encoding="utf-8")
     functions = [re.search(rf"^{name}\(\) \{{.*?\}}$", text, re.MULTILINE | re.DOTALL).group()
-                 for name in ("say", "fail", "install_packages")]
-    stand_ins = "sudo() { \"$@\"; }\nenv() { shift; \"$@\"; }\nmissing_packages() { printf '%s\\n' $MISSING; }"
+                 for name in ("say", "fail", "install_packages", "apt_install", "compile_kernels_meanwhile")]
+    stand_ins = "sudo() { \"$@\"; }\nenv() { shift; \"$@\"; }\nmissing_packages() { printf '%s\\n' $MISSING | sort; }"
+    stand_ins += "\nis_built() { true; }"
     done = subprocess.run(
         ["bash", "-uc", "\n".join([*functions, stand_ins, program, call])], stderr=subprocess.PIPE, text=True,
-        env={"PATH": "/usr/bin:/bin", "cache": str(tmp_path), "MISSING": " ".join(PACKAGES)}, timeout=60.0)
+        env={"PATH": "/usr/bin:/bin", "cache": str(tmp_path), "MISSING": " ".join(PACKAGES), "for_package": "no",
+             "checkout": "", "workspace": str(tmp_path), "compiler_packages": PACKAGES[7]}, timeout=60.0)
     assert done.returncode == status, done.stderr
     return done.stderr
 
@@ -95,3 +98,22 @@ def test_who_has_no_room_for_the_build_reads_that_although_no_log_can_be_written
     for left, is_full in (("   0", True), (" 999", True), ("1000", False)):
         said = told(tmp_path, f"df() {{ printf 'Avail\\n{left}\\n'; }}", "fail 'the build failed'")
         assert ("lies is full" in said) == is_full, said
+
+
+COMPILES = """
+is_built() { false; }
+exec() { say "$BASHPID compiles"; trap 'echo; say stopped; exit' INT; while :; do sleep 0.05; done; }
+apt-get() {
+  case " $* " in *" update "*) return 0 ;; esac
+  local all="$*"
+  say "installs ${all##*--no-install-recommends }"
+  case "$*" in *package8*) while ! grep -q compiles "$workspace/kernels.log"; do sleep 0.05; done; return 100 ;; esac
+}
+"""
+
+
+def test_kernels_are_compiled_while_packages_are_installed_and_no_longer(tmp_path):
+    """One core was idle for the minute that apt takes, and then both compiled for half a minute."""
+    said = told(tmp_path, COMPILES, "install_packages")
+    assert said.index(f"installs {PACKAGES[7]}\n") < said.index("installs package0 ")
+    wait_until(lambda: "stopped" in (tmp_path / "kernels.log").read_text(encoding="utf-8"), "the compilation to end")
