@@ -118,3 +118,15 @@ def test_a_robot_touches_nothing_where_looks_and_delay_keep_within_the_reaction_
     for along in (0.0, 0.013, 0.027):
         room = least_room(speed, scan_age, look, delay, start + along)
         assert 0.0 < room < 0.1, (along, room)
+
+
+def test_a_wall_that_is_far_yet_near_to_where_late_wheels_bring_the_robot_is_looked_at():
+    """All of a second's velocities are still to be driven; none of them came after the scan."""
+    for late, passes in ((0.0, True), (1.4, False)):
+        guard = VelocityGuard(parameters())
+        guard.delay.seconds = late
+        for tick in range(20):
+            guard.take_scan(scan_with(0.45 if tick == 19 else 3.0, -30, 30 + tick, stamp=0.1 * tick), LASER)
+            verdict = judged(guard, AHEAD, 0.1 * tick)
+            assert tick == 19 or verdict.velocity == AHEAD
+        assert (verdict.velocity == AHEAD) is passes
