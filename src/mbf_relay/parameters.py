@@ -47,6 +47,7 @@ def parameter(
     else_default: bool = False,
     is_frame: bool = False,
     is_topic: bool = False,
+    *,
     has_effect: bool = True,
 ) -> Any:
     """Declare a parameter as a dataclass field.
