@@ -296,13 +296,14 @@ class MpcStandIn(TebStandIn):
 def _of_a_car(p: TebParameters) -> MppiParameters:
     """Return MPPI's parameters for a car; it looks as far ahead as the way to brake and one turning radius need."""
     ahead = p.max_vel_x / p.acc_lim_x + p.min_turning_radius / p.max_vel_x
+    turn = min(p.max_vel_theta, p.max_vel_x / p.min_turning_radius)
     return MppiParameters(
-        motion_model=ACKERMANN, min_turning_r=p.min_turning_radius, max_vel_x=p.max_vel_x,
-        min_vel_x=-p.max_vel_x_backwards, max_vel_theta=min(p.max_vel_theta, p.max_vel_x / p.min_turning_radius),
-        min_vel_theta=0.0, acc_lim_x=p.acc_lim_x, acc_lim_theta=p.acc_lim_theta,
-        xy_goal_tolerance=p.xy_goal_tolerance, yaw_goal_tolerance=p.yaw_goal_tolerance, model_dt=0.1,
-        time_steps=max(30, min(60, math.ceil(10.0 * ahead))), vx_std=0.4 * p.max_vel_x, wz_std=0.3 * p.max_vel_theta,
-        prune_distance=max(1.5, 2.0 * p.min_turning_radius), turn_to_path_angle=math.tau,
+        motion_model=ACKERMANN, min_turning_r=p.min_turning_radius, max_vel_trans=p.max_vel_x, min_vel_trans=0.0,
+        max_vel_x=p.max_vel_x, min_vel_x=-p.max_vel_x_backwards, max_vel_theta=turn, min_vel_theta=0.0,
+        acc_lim_x=p.acc_lim_x, acc_lim_theta=p.acc_lim_theta, xy_goal_tolerance=p.xy_goal_tolerance,
+        yaw_goal_tolerance=p.yaw_goal_tolerance, model_dt=0.1, time_steps=max(30, min(60, math.ceil(10.0 * ahead))),
+        vx_std=0.4 * p.max_vel_x, wz_std=0.3 * turn, prune_distance=max(1.5, 2.0 * p.min_turning_radius),
+        turn_to_path_angle=math.tau,
     )
 
 

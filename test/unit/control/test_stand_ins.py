@@ -94,6 +94,17 @@ def test_a_car_is_driven_round_nothing_smaller_than_its_circle():
     assert (np.abs(commands[:, 2]) * 0.6 <= np.abs(commands[:, 0]) + 0.02).all()
 
 
+def test_a_car_drives_as_fast_as_its_file_says():
+    """A car of 1.5 m/s never drove faster than 0.55 m/s, the limit of move_base's tutorials' robots."""
+    values = dict(
+        max_vel_x=1.5, max_vel_x_backwards=1.0, max_vel_theta=1.0, acc_lim_x=1.0, acc_lim_theta=1.0,
+        min_turning_radius=1.0)
+    controller = create("planner", TEB, values, Controller, CONTROLLERS)
+    ended = drive(controller, path_through((0, 0), (6, 0)), Pose2D(0.0, 0.0, 0.0), seconds=30.0)
+    assert ended.reached, ended.error
+    assert 1.2 < np.array(ended.commands)[:, 0].max() <= 1.5 + 1e-9 and controller.top_speeds[0] == 1.5
+
+
 def test_a_car_that_is_told_never_to_change_its_turn_steers_as_others_do():
     """A file's 0 was taken for 0.01 rad/s^2: it swung a metre off a path it could have driven, and was given up."""
     values = dict(
@@ -121,6 +132,15 @@ def test_a_car_of_mpc_local_planner_takes_its_steering_angle():
     bicycle = dict(length_rear=0.1, length_front=0.3, max_steering_angle=0.6)
     values = dict(robot=dict(type="kinematic_bicycle_vel_input", kinematic_bicycle_vel_input=bicycle))
     assert create("planner", MPC, values, Controller, CONTROLLERS).steering.wheelbase == pytest.approx(0.4)
+
+
+def test_a_car_of_mpc_local_planner_steers_calmly_on_a_straight_path():
+    """Its drives were sampled with turns of 30 rad/s: the steering swung from side to side."""
+    car = dict(wheelbase=0.4, max_vel_x=0.5, max_vel_x_backwards=0.2, max_steering_angle=0.6, acc_lim_x=0.5)
+    controller = create("planner", MPC, dict(robot=dict(type="simple_car", simple_car=car)), Controller, CONTROLLERS)
+    ended = drive(controller, path_through((0, 0), (3, 0)), Pose2D(0.0, 0.0, 0.0), seconds=30.0)
+    assert ended.reached, ended.error
+    assert np.abs(np.diff(np.array(ended.commands)[:, 2])).sum() < 1.0
 
 
 @pytest.mark.parametrize("robot, said", [
