@@ -199,9 +199,10 @@ class DwbStandIn(TranslatedController):
     def translate(self, parameters: DwbParameters, resolution: float) -> Tuple[Type[PathFollower], DwaParameters]:
         """Return DwaController and its parameters for the same robot."""
         p = parameters
+        left, right = (max(0.0, p.max_vel_y), min(0.0, p.min_vel_y)) if p.acc_lim_y > 0.0 else (0.0, 0.0)
         return DwaController, _usual(
             max_vel_trans=p.max_speed_xy, min_vel_trans=min(p.min_speed_xy, p.max_speed_xy), max_vel_x=p.max_vel_x,
-            min_vel_x=min(p.min_vel_x, p.max_vel_x), max_vel_y=max(0.0, p.max_vel_y), min_vel_y=min(0.0, p.min_vel_y),
+            min_vel_x=min(p.min_vel_x, p.max_vel_x), max_vel_y=left, min_vel_y=right,
             max_vel_theta=p.max_vel_theta,
             min_vel_theta=min(p.min_speed_theta, p.max_vel_theta, TURNS_A_SECOND * p.yaw_goal_tolerance),
             acc_lim_x=p.acc_lim_x, acc_lim_y=p.acc_lim_y, acc_lim_theta=p.acc_lim_theta,

@@ -84,6 +84,15 @@ def test_a_robot_that_drives_sideways_does():
     assert ended.reached and np.abs(np.array(ended.commands)[:, 1]).max() > 0.05
 
 
+def test_a_robot_of_dwb_without_acceleration_sideways_does_not_drive_sideways():
+    """Its file was refused: DWB's default of 0.1 m/s sideways could never be reached."""
+    controller = create(
+        "planner", "dwb_local_planner/DWBLocalPlanner", dict(acc_lim_y=0.0, max_vel_x=0.3), Controller, CONTROLLERS)
+    ended = drive(controller, path_through((0, 0), (1.5, 0)), Pose2D(0.0, 0.25, 0.0), seconds=30.0)
+    assert ended.reached, ended.error
+    assert not np.array(ended.commands)[:, 1].any()
+
+
 def test_a_car_is_driven_round_nothing_smaller_than_its_circle():
     values = dict(max_vel_x=0.5, max_vel_theta=1.0, min_turning_radius=0.6, xy_goal_tolerance=0.2)
     controller = create("planner", TEB, values, Controller, CONTROLLERS)
