@@ -111,7 +111,7 @@ class DwaController(PathFollower):
             parameters.sim_time * cycle.horizon_scale,
         )
         return trajectories, CriticData(
-            state.now, state.pose, cycle.velocity, cycle.path, cycle.checker, window, cycle.horizon_scale)
+            state.now + state.delay, state.pose, cycle.velocity, cycle.path, cycle.checker, window, cycle.horizon_scale)
 
     def _score(self, trajectories: Trajectories, data: CriticData) -> Explanation:
         asked = [critic for critic in self.critics if _weight(critic) > 0.0]

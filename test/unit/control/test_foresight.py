@@ -178,6 +178,21 @@ def test_from_what_touches_already_the_robot_may_go_away_and_not_nearer():
     assert nearer <= 0.1 and away == math.inf
 
 
+def test_a_robot_whose_wheels_are_late_foresees_from_when_its_commands_take_effect():
+    """Its trajectories began where it would be in 0.8 s, and people were foreseen from where they were now."""
+    somebody = mover(1.4, 0.0, -0.5, 0.0)
+    costs = []
+    for now, delay in (0.0, 0.8), (0.8, 0.0):
+        controller = make(DWA, foresight=True)
+        controller.set_path(path_through((0, 0), (2, 0)), True)
+        seen = dataclasses.replace(state(START, STOP, now, somebody), commanded=STOP, delay=delay)
+        controller.compute_velocity(seen)
+        explanation = controller.explanation
+        costs.append(explanation.scores[explanation.names.index("foresight")])
+    assert np.isfinite(costs[1]).any() and (costs[1] > 0.0).any()
+    np.testing.assert_allclose(costs[0], costs[1])
+
+
 def test_the_time_of_a_meeting_is_when_it_happens():
     foresight = Foresight(
         state(START, STOP, 0.0, mover(0.6, 0.0, -0.2, 0.0)).costmap, START, 0.0, make(DWA, foresight=True).parameters

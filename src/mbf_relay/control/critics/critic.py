@@ -23,7 +23,7 @@ class CriticData:
     """What every critic may look at in one cycle.
 
     Attributes:
-        now: Time (s).
+        now: Time (s) at which the robot is at `pose`, where trajectories begin: later than the cycle by its delay.
         pose: The robot in the costmap's frame.
         velocity: The velocity the robot is at, body frame.
         path: The path round the robot.
