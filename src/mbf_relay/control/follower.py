@@ -1,5 +1,4 @@
-"""What every controller that follows a path does the same way: keep its place, turn, brake for the goal, and give up.
-"""
+"""What all controllers that follow a path share: progress along it, turns, braking for the goal, and giving up."""
 
 from __future__ import annotations
 
@@ -156,7 +155,7 @@ class PathFollower(Controller, abc.ABC):
                 self.watcher(self.report(self._cycle, self._drove))
 
     def report(self, cycle: ControlCycle, drove: bool) -> CycleReport:
-        """Return what to show of a cycle; `drove` tells whether `drive` was asked in it."""
+        """Return what to show of a cycle; `drove` tells whether its command, or its error, came of `drive`."""
         return CycleReport(cycle.state.now, cycle.state.costmap, cycle.path, np.zeros((0, 3)))
 
     def _foreseen(self, state: ControlState) -> Twist2D:
@@ -230,6 +229,7 @@ class PathFollower(Controller, abc.ABC):
                 return where_it_sees(parameters, cycle, command)
         limit = self.speed_limit_at(state.pose)
         backward = back_out.command(state.pose, cycle.velocity, cycle.checker, parameters, state.period, limit)
+        self._drove = backward is None
         return self.drive(cycle) if backward is None else backward
 
     def look_around(self, state: ControlState) -> ControlCycle:

@@ -137,6 +137,18 @@ def test_a_zone_s_speed_limit_holds_for_backing_out_as_well(has_driven_in):
     assert max(abs(command.theta) for command in ended.commands) <= limit.rotation + 1e-9
 
 
+@pytest.mark.parametrize("name", ["dwa_local_planner/DWAPlannerROS", "regulated_pure_pursuit", "mppi"])
+def test_one_that_backs_out_shows_no_trajectory_ahead(name):
+    """RViz showed, and the log explained, the drive into the wall that had failed before, all the way out."""
+    controller, shown = make(name, min_vel_x=-0.22), []
+    controller.watcher = lambda report: shown.append((controller.command, report))
+    slot = boxes((0.1, -2.0, 0.2, 2.0), (-0.5, 0.14, 0.2, 0.24), (-0.5, -0.24, 0.2, -0.14))
+    drive(controller, path_through((0.0, 0.0), (-1.0, 0.3)), HERE, slot, seconds=2.0)
+    backwards = [report for command, report in shown if command.x < 0.0]
+    assert len(backwards) > 5, "it backs out"
+    assert not any(len(report.trajectory) or report.explanation or report.trajectories for report in backwards)
+
+
 def tried(back_out, state, path, checker, parameters):
     """Return how far (m) the next try leads from where the robot stands, None where there is none."""
     for now in (0.0, 1.01 * PATIENCE):
