@@ -319,6 +319,7 @@ class Costmap:
             layer.shift(self._grid, columns, rows)
         self._history.clear()
         self._note_change(Window.of(self._grid))
+        self._redo_due = True  # windows that layers keep of what they wrote are of the grid before
 
     def _resize(self, grid: Grid) -> None:
         self._grid = grid

@@ -262,3 +262,16 @@ def test_a_lidar_whose_beams_lapse_sees_nobody_where_all_stands_and_wheels_slip(
         costmap.update(now, pose)
         seen += len(costmap.snapshot().tracks)
     assert seen == 0
+
+
+def test_who_has_gone_leaves_no_space_kept_free_where_the_window_moved_meanwhile():
+    costmap = build_costmap("local_costmap", {
+        "global_frame": "odom", "rolling_window": True, "width": 6.0, "height": 6.0, "resolution": 0.05,
+        "robot_radius": 0.1, "plugins": [{"name": "people", "type": "mbf_relay::TrackLayer"}],
+        "people": {"personal_space": 0.3, "observation_sources": "scan", "scan": {"data_type": "LaserScan"}},
+    })
+    there = watch(costmap, crossing, 3.0)
+    assert len(there.tracks) == 1 and there.costs.any()
+    costmap.observe("scan", scan([], 60.0), 60.0)
+    costmap.update(60.0, Pose2D(1.0, 0.0, 0.0))
+    assert costmap.snapshot().tracks == () and not costmap.snapshot().costs.any()
