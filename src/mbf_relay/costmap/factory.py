@@ -12,6 +12,7 @@ from mbf_relay.costmap.layer import Layer
 from mbf_relay.costmap.observation_source import SourceParameters
 from mbf_relay.costmap.obstacle_layer import ObstacleLayerParameters
 from mbf_relay.costmap.parameters import CostmapParameters
+from mbf_relay.costmap.track_layer import TrackLayerParameters
 from mbf_relay.misspelling import did_you_mean, nearest_of
 from mbf_relay.parameters import ParameterSet
 
@@ -220,7 +221,7 @@ def unknown_names(values: Mapping[str, Any]) -> Dict[str, str]:
         for name in kind.unknown_names(group):
             if name not in read:
                 below[f"{prefix}{name}"] = kind.hint(name)
-        if issubclass(kind, ObstacleLayerParameters):
+        if issubclass(kind, (ObstacleLayerParameters, TrackLayerParameters)):
             for source in kind.groups(group):
                 sources[f"{prefix}{source}"] = group.get(source, {})
     for prefix, group in sources.items():

@@ -123,6 +123,14 @@ def test_a_group_where_a_number_belongs_is_told_of(form):
     assert [name.rpartition("/")[2] for name in told] == ["updat_frequency", "track_slowest"]
 
 
+@pytest.mark.parametrize("kind", ["costmap_2d::ObstacleLayer", "mbf_relay::TrackLayer"])
+def test_a_misspelt_topic_of_a_lidar_is_told_of(kind):
+    """The track layer's was not: it listened to another topic, and followed nobody."""
+    lidar = {"observation_sources": "front", "front": {"data_type": "LaserScan", "topci": "front/scan"}}
+    told = unknown_names({"plugins": listed(layer=kind), "layer": lidar})
+    assert list(told) == ["layer/front/topci"] and "'topic'" in told["layer/front/topci"]
+
+
 def test_groups_that_another_costmap_reads_are_no_news():
     """Many robots load one file of common parameters into both costmaps."""
     assert unknown_names({
