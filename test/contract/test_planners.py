@@ -372,3 +372,14 @@ def test_a_watcher_sees_the_potential_and_the_path_is_the_same(case):
     (_, potential, _), = planner.potential_watcher.seen
     assert potential.shape == costmap.costs.shape
     assert (potential[costmap.costs == LETHAL] == 0.0).all() and potential[0, 0] > potential[9, 8] > 0.0
+
+
+def test_a_goal_in_the_robot_s_own_cell_is_planned_to_whatever_map_there_was_before(case):
+    """It was shown the potential of the plan before, over a map that had grown since, and navfn's cloud failed."""
+    planner = made(case)
+    planner.potential_watcher = Watcher(True)
+    small, grown = drawn(ROOMS), snapshot(np.zeros((30, 30), dtype=np.uint8))
+    plan(planner, small, at(small, 0, 0), at(small, 9, 9))
+    plan(planner, grown, at(grown, 29, 29), at(grown, 29, 29))
+    for costmap, potential, _ in planner.potential_watcher.seen:
+        assert potential.shape == costmap.costs.shape

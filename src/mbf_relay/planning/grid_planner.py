@@ -145,6 +145,7 @@ class GridPlanner(Planner):
     def _search(self, query: SearchQuery) -> Optional[Tuple[np.ndarray, float]]:
         if query.start_cell != query.goal_cell:
             return self.search(query)
+        self.wants_potential = False  # nothing was searched: what there is belongs to an earlier plan
         cost = query.costmap.costs[query.goal_cell[1], query.goal_cell[0]]
         cells = query.start.distance_to(query.goal) / query.costmap.grid.resolution
         return np.array([query.start[:2], query.goal[:2]]), float(query.weights[cost]) * cells
