@@ -239,8 +239,8 @@ class Localizer:
                 return None
         beams = self._pick(scan, laser_pose_in_base)
         before = odom_pose if self._odom_pose is None else self._odom_pose
-        if self._odom_pose is not None:
-            self._propagate(before, odom_pose, shown)
+        if self._odom_pose is not None and self.last_estimate is not None:
+            self._propagate(before, odom_pose, self.last_estimate.pose.theta, shown)
         pose = moments = None
         if self.parameters.robust:
             corrected = self._correct(scan, laser_pose_in_base, beams)
@@ -304,8 +304,8 @@ class Localizer:
             return 0.0
         return float(median(np.abs(scan.ranges[both] - before[both])))
 
-    def _propagate(self, before: Pose2D, after: Pose2D, shown: float) -> None:
-        """Sample where each particle went (table 8.2, line 4); `shown` is the way (m) that the scan shows at least."""
+    def _propagate(self, before: Pose2D, after: Pose2D, heading: float, shown: float) -> None:
+        """Sample the motion (table 8.2, line 4) from a `heading` (rad) on the map; `shown` is the least way (m)."""
         if self.parameters.robust:
             fewest = min(self.parameters.max_particles, max(self.parameters.min_particles, FEWEST_PREDICTED))
             if len(self.poses) <= fewest // 2:
@@ -313,7 +313,7 @@ class Localizer:
             tracker = self._tracker
             step = tracker.lever_arm.moved(after.relative_to(before))
             after = before.compose(step)
-            added = tracker.lever_arm.predict(float(tracker.hypotheses.at[2]), step)
+            added = tracker.lever_arm.predict(heading, step)
             noise = self._motion_model.covariance(before, after) if tracker.hypotheses.rivals else NO_NOISE
             tracker.predict(step, noise, shown)
             self.poses = spread(self.poses, added, self._rng)

@@ -135,3 +135,32 @@ def test_an_arm_that_was_learnt_is_known_on_the_next_map_and_with_other_paramete
     made.reconfigure(made.parameters.replace(update_min_a=0.3))
     made.set_map(OccupancyMap(room().data[::-1].copy(), 0.05, ORIGIN))
     assert (made._tracker.lever_arm.arm == arm).all() and (made._tracker.lever_arm.covariance == surely).all()
+
+
+@pytest.mark.parametrize("heading", [0.0, 1.6, 3.1])
+def test_a_robot_that_turns_while_its_map_grows_learns_where_its_lidar_is(heading):
+    """Each new map had it take the next turn for one that began along the map's x axis: facing back it learnt -0.4 m.
+    """
+    aside, occupancy, rng = Pose2D(0.2, 0.0, 0.0), room(), np.random.default_rng(4)
+    base, odom = Pose2D(-1.0, 1.5, heading), IDENTITY
+    made = localizer(start=base.compose(aside))
+    for index in range(16):
+        turn = Pose2D(0.0, 0.0, 0.7 if index % 2 else -0.7)
+        base, odom = base.compose(turn), odom.compose(turn)
+        data = occupancy.data.copy()
+        data[60, 100 + index] = 100
+        made.set_map(OccupancyMap(data, occupancy.resolution, occupancy.origin))
+        made.process(odom, scan_at(occupancy, base.compose(aside), rng, stamp=0.5 * index), IDENTITY)
+    assert made._tracker.lever_arm.arm == pytest.approx((0.2, 0.0), abs=0.06)
+
+
+def test_a_robot_that_turns_before_it_sees_anything_does_not_learn_that_its_lidar_is_where_it_is_not():
+    aside, rng = Pose2D(0.2, 0.0, 0.0), np.random.default_rng(4)
+    base, odom = Pose2D(-1.0, 1.5, 3.1), IDENTITY
+    made = localizer(start=base.compose(aside))
+    for index in range(3):
+        seen = scan_at(room(), base.compose(aside), rng, stamp=0.5 * index)
+        seen.ranges[:] = seen.ranges if index == 2 else np.inf
+        made.process(odom, seen, IDENTITY)
+        base, odom = base.compose(Pose2D(0.0, 0.0, 0.7)), odom.compose(Pose2D(0.0, 0.0, 0.7))
+    assert made._tracker.lever_arm.arm == pytest.approx((0.2, 0.0), abs=0.15)
