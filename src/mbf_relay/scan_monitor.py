@@ -136,5 +136,7 @@ def gaps(usable: np.ndarray, closed: bool) -> list[tuple[int, int]]:
 def _explained(scan: LaserScan, first: int, count: int) -> bool:
     """Return whether a gap lies between beams that see something near: then it hides what is nearer than range_min."""
     size, limit = len(scan.ranges), scan.range_min + NEAR
+    if not scan.goes_round and (first == 0 or first + count == size):
+        return False  # no beam looks beside it
     sides = [scan.ranges[index % size] for index in (first - 1, first + count)]
     return bool(all(scan.range_min <= side <= limit for side in sides))  # whose own beam is no gap that is hidden

@@ -133,6 +133,15 @@ def test_a_wall_nearer_than_the_lidar_can_read_does_not_make_it_blind():
     assert trouble(scan(np.where(wall < 0.12, 0.0, wall))) is None
 
 
+@pytest.mark.parametrize("dark", [(0, 60), (120, 180)])
+def test_a_robot_whose_lidar_looks_half_round_and_is_blind_at_one_end_does_not_drive_for_a_wall_at_the_other(dark):
+    """Its last beam is no neighbour of its first: what both saw near had the dark sector count as something near."""
+    ranges = np.full(180, 2.0)
+    ranges[[0, 59, 60, 119, 120, 179]] = 0.15
+    ranges[slice(*dark)] = 0.0
+    assert "60 degrees ahead" in trouble(scan(ranges, angle_min=-math.pi / 2.0, width=math.pi))
+
+
 @pytest.mark.parametrize("beams", [1, 5, 19])
 def test_a_robot_whose_lidar_looks_through_a_keyhole_does_not_drive(beams):
     """One beam that found the way free was driven by, 1.2 m to the goal; a robot is wider than a beam."""
