@@ -113,6 +113,8 @@ class ControllerExecution:
         self._goal, self._path_is_new, self.task = goal, True, task
         if is_new:
             self._pacer.hasten()
+        if goal.same_goal is False:  # said by move_base, which gives each of its goals the whole patience
+            self._retries, self._since_start, self._since_valid = 0, Stopwatch(), Stopwatch()
 
     def replaced(self) -> None:
         """End because another goal takes over at once; the robot is stopped only where the user wants that."""

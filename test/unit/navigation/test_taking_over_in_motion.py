@@ -2,10 +2,10 @@
 
 import pytest
 import scripted
-from scripted import FORWARD, GOAL, NO_WAY
+from scripted import FORWARD, GOAL, NO_WAY, STUCK
 
-from mbf_relay.geometry import STOP
-from mbf_relay.navigation.goals import FollowGoal
+from mbf_relay.geometry import STOP, Pose2D
+from mbf_relay.navigation.goals import FollowGoal, FramedPose, NavigateGoal
 from mbf_relay.navigation.task import Ending
 
 PATH = scripted.straight_path()
@@ -50,3 +50,19 @@ def test_what_a_recovery_drives_ends_where_another_goal_takes_over(make_bench):
     worker.release()
     bench.step()
     assert bench.script.cleaned_up == 1
+
+
+@pytest.mark.parametrize("limit", [
+    {"controller_patience": 1.0}, {"controller_patience": 0.0, "controller_max_retries": 9}], ids=["patience", "tries"])
+def test_a_robot_sent_elsewhere_while_its_controller_finds_no_way_has_the_whole_patience_for_the_new_goal(
+        make_bench, limit):
+    """It gave the new goal up at its first cycle, for what the controller had failed at before."""
+    bench = make_bench(recovery_enabled=False, **limit)
+    bench.navigator.move_base(GOAL)
+    bench.step()
+    bench.script.velocity = STUCK
+    for _ in range(8):
+        bench.step()
+    task, sent_at = bench.navigator.move_base(NavigateGoal(FramedPose(Pose2D(-2.0, 0.0, 0.0), "map"))), bench.now
+    bench.finish(task)
+    assert bench.now - sent_at == pytest.approx(1.0, abs=0.15)
