@@ -113,6 +113,7 @@ class ControllerExecution:
         self._goal, self._path_is_new, self.task = goal, True, task
         if is_new:
             self._pacer.hasten()
+            self._view = self._view and self._view._replace(distance=math.inf, angle=math.inf)  # of the last goal
         if goal.same_goal is False:  # said by move_base, which gives each of its goals the whole patience
             self._retries, self._since_start, self._since_valid = 0, Stopwatch(), Stopwatch()
 

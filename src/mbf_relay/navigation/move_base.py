@@ -169,9 +169,12 @@ class MoveBase:
             self._update_recovery(now, at)
 
     def _tell_where(self, at: Union[Planning, Recovering]) -> None:
-        """Tell of the robot's pose while no drive does, as often as one would: so move_base does, whatever it is at."""
+        """Tell of the robot's pose as often as a drive would, as move_base does whatever it is at.
+
+        Also while a replaced goal's drive goes on, which reports the distance to that goal.
+        """
         pose, distance, angle = self._where()
-        if self.driving is None and pose is not None:
+        if pose is not None:
             velocity = self._navigator.robot.commanded or STOP
             self.task.add_feedback(
                 FollowFeedback(ControlOutcome.SUCCESS, at.state.value, pose, velocity, distance, angle))
@@ -183,8 +186,6 @@ class MoveBase:
         return self._navigator.new_plan(goal, retry, pathless=self._pathless)
 
     def _update_plan(self, now: float, at: Planning) -> None:
-        if at.drive is not None:
-            self._pass_on_feedback(at.drive)
         if not self._pathless.running:
             self._pathless.start(now)
         self._progress.wait(now)

@@ -66,3 +66,31 @@ def test_a_robot_sent_elsewhere_while_its_controller_finds_no_way_has_the_whole_
     task, sent_at = bench.navigator.move_base(NavigateGoal(FramedPose(Pose2D(-2.0, 0.0, 0.0), "map"))), bench.now
     bench.finish(task)
     assert bench.now - sent_at == pytest.approx(1.0, abs=0.15)
+
+
+@pytest.mark.parametrize("stuck", [False, True])
+def test_a_robot_sent_on_is_not_said_to_be_near_its_new_goal_for_having_been_near_the_last_one(held_bench, stuck):
+    """Its clients were told the last goal's distance until the new one had a path and a control cycle."""
+    bench = held_bench
+    bench.navigator.move_base(GOAL)
+    bench.run(lambda: bench.robot.pose.x > 0.9)
+    bench.worker.delays = [5]
+    task = bench.navigator.move_base(NavigateGoal(FramedPose(Pose2D(3.0, 0.0, 0.0), "map")))
+    if stuck:
+        bench.robot.stale = "no odometry"
+    told = []
+    for _ in range(12):
+        bench.step(0.05)
+        told += [feedback.distance for feedback in task.take_feedback()]
+    assert told and min(told) > 1.5
+
+
+def test_a_client_whose_new_path_is_not_begun_is_not_told_how_far_the_end_of_the_last_one_was(bench):
+    bench.navigator.exe_path(FollowGoal(PATH))
+    bench.run(lambda: bench.robot.pose.x > 0.9)
+    bench.robot.stale = "no odometry"
+    task = bench.navigator.exe_path(FollowGoal(scripted.straight_path(3.0)))
+    bench.step()
+    task.cancel()
+    bench.step()
+    assert min(told.distance for told in task.take_feedback()) > 1.5 and task.result.distance > 1.5
