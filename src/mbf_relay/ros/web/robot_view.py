@@ -36,6 +36,10 @@ GOAL_STATES = {GoalStatus.SUCCEEDED: "reached", GoalStatus.PREEMPTED: "cancelled
 RUNNING = (GoalStatus.PENDING, GoalStatus.ACTIVE, GoalStatus.PREEMPTING, GoalStatus.RECALLING)
 SILENCE = 3.0
 """Seconds without a status after which move_base counts as gone; it sends five a second."""
+STALE_AFTER = 5.0
+"""Wall seconds without a report after which a diagnostic status counts as stale, as for diagnostic_aggregator."""
+STALE = 3
+"""Level of such a status: DiagnosticStatus.STALE."""
 SHOWN_DIAGNOSTICS = 60
 SHOWN_OBSTACLES = 500
 
@@ -71,7 +75,8 @@ class RobotView:
         self._speed = (0.0, 0.0)
         self._error: Optional[float] = None
         self._diagnostics: Dict[str, Dict[str, Any]] = {}
-        self._fit: Optional[str] = None
+        self._reported: Dict[str, float] = {}  # when each of them came last (wall s)
+        self._fit: Tuple[str, str] = "", ""  # amcl's status, and the share in it
         self._status_time = -math.inf
         self._ended_goal: Optional[str] = None
         self._others: List[str] = []
@@ -86,6 +91,7 @@ class RobotView:
                     10.0, f"{key} of {self.listening.namespace} is not shown: {readers.short(str(error), 200)}"
                 )
         self._look_for_robot()
+        self._show_diagnostics(now)
         # a relay that takes goals from the topic alone tells no status
         if self.story.state == "active" and self.tells_status and now - self._status_time > SILENCE:
             self.story.ended("failed", "move_base has fallen silent")
@@ -124,9 +130,10 @@ class RobotView:
 
     def words(self, now: float) -> Dict[str, Any]:
         """Return what is told in words and figures."""
+        status, fit = self._fit
         return {
-            "goal": self.story.as_dict(self.pose, now), "fit": self._fit, "error": self._error,
-            "has_map": self.has_map, "move_base": now - self._status_time < SILENCE,
+            "goal": self.story.as_dict(self.pose, now), "fit": None if self._is_stale(status, now) else fit,
+            "error": self._error, "has_map": self.has_map, "move_base": now - self._status_time < SILENCE,
         }
 
     def _show_points(self, name: str, header: Any, points: np.ndarray) -> None:
@@ -266,11 +273,23 @@ class RobotView:
             self._diagnostics[name] = {
                 "level": status.level, "name": name, "text": readers.short(status.message, 200),
             }
+            self._reported[name] = now
             for pair in status.values:
                 if name.endswith("amcl: scans") and pair.key.startswith("share of the scan"):
-                    self._fit = readers.short(pair.value, 10)
-        entries = sorted(self._diagnostics.values(), key=lambda entry: (-entry["level"], entry["name"]))
-        self._told.show({"entries": entries})
+                    self._fit = name, readers.short(pair.value, 10)
+
+    def _show_diagnostics(self, now: float) -> None:
+        """Show each status as it was reported last, or as stale: a node that has died sends none."""
+        if not self._diagnostics:
+            return
+        entries = [
+            {**entry, "level": STALE, "text": f"no report for more than {STALE_AFTER:g} s; the last: {entry['text']}"}
+            if self._is_stale(name, now) else entry for name, entry in self._diagnostics.items()
+        ]
+        self._told.show({"entries": sorted(entries, key=lambda entry: (-entry["level"], entry["name"]))})
+
+    def _is_stale(self, status: str, now: float) -> bool:
+        return now - self._reported.get(status, -math.inf) > STALE_AFTER
 
     def _take_log(self, message: Any, _now: float) -> None:
         entry = readers.log_entry(message.read())

@@ -7,6 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from actionlib_msgs.msg import GoalID, GoalStatus, GoalStatusArray
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from geometry_msgs.msg import Point, Point32, Polygon, PolygonStamped, Pose, PoseArray, PoseStamped, Quaternion, Vector3
 from mbf_msgs.msg import MoveBaseActionResult as FlexActionResult
 from move_base_msgs.msg import MoveBaseActionResult
@@ -247,3 +248,20 @@ def test_a_message_that_cannot_be_read_takes_no_other_from_the_page(monkeypatch)
     inbox.put("map", received(shown), every=False)
     view.update(1.0)
     assert view.has_map and len(told) == 1 and told[0].startswith("scan of / is not shown")
+
+
+def test_a_node_that_has_died_is_not_shown_as_well_for_ever():
+    """The page said "all well", and how well the scan fits, of a localization that had ended."""
+    inbox, shown = Inbox({}), []
+    view = viewed(inbox)
+    share = KeyValue("share of the scan on the map's walls [%]", "93")
+    died = DiagnosticStatus(name="amcl: scans", message="scans are used", values=[share])
+    alive = DiagnosticStatus(name="simulator: simulation", message="running")
+    view.layers["diagnostics"].show = lambda header: shown.append(header["entries"])
+    for now, reported in ((1.0, [died, alive]), (7.0, [alive])):
+        inbox.put("diagnostics", received(DiagnosticArray(status=reported)), every=True)
+        view.update(now)
+        assert view.words(now)["fit"] == ("93" if died in reported else None)
+    assert [(entry["name"], entry["level"]) for entry in shown[0]] == [(died.name, 0), (alive.name, 0)]
+    assert [(entry["name"], entry["level"]) for entry in shown[-1]] == [(died.name, 3), (alive.name, 0)]
+    assert "no report" in shown[-1][0]["text"] and "scans are used" in shown[-1][0]["text"]
