@@ -24,7 +24,7 @@ class LaserScan:
         range_min, range_max: Readings (m) outside of these are no measurements. A range_min of 0 becomes NEAREST.
         stamp: Time (s) of the scan.
         frame: Name of the sensor's frame.
-        sweep_time: Time (s) from the first beam to the last, 0 where the driver does not tell.
+        sweep_time: Time (s) from the first beam to the last, 0 where the driver does not tell, or tells two.
     """
 
     ranges: np.ndarray

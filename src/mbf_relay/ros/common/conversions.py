@@ -186,5 +186,17 @@ def scan_from_message(message: LaserScanMessage) -> LaserScan:
     return LaserScan(
         ranges, message.angle_min, message.angle_increment, message.range_min,
         min(message.range_max, checks.LONGEST_RANGE), message.header.stamp.to_sec(), message.header.frame_id,
-        abs(message.time_increment) * len(ranges),
+        _sweep_time(message),
     )
+
+
+def _sweep_time(message: LaserScanMessage) -> float:
+    """Return the time (s) of all a scan's beams as its time_increment has it; 0 where scan_time does not bear that out.
+
+    Drivers mean by scan_time the time of these beams, or of a whole turn. That of the XV-11, among others, leaves it at
+    0, and what it gives as time_increment is the motor's speed in a unit of its own.
+    """
+    beams = len(message.ranges)
+    told, share = abs(message.time_increment) * beams, abs(message.angle_increment) * beams / (2.0 * math.pi)
+    is_borne_out = any(abs(whole - told) < 0.1 * told for whole in (message.scan_time, share * message.scan_time))
+    return told if is_borne_out else 0.0

@@ -68,3 +68,19 @@ def test_a_scan_whose_frame_is_named_by_a_book_is_refused_in_a_line():
     with pytest.raises(InvalidMessage, match=r"\(100000 characters\)' names no frame") as refusal:
         scan_from_message(message)
     assert len(str(refusal.value)) < 100
+
+
+@pytest.mark.parametrize("beams, increment, scan_time, told", [
+    (360, 1.92e-4, 0.0, 0.0),  # the XV-11's, of 5 turns a second: it looked like one of which every third scan comes
+    (360, 0.1 / 359, 0.1, 0.1),  # RPLidars'
+    (270, 0.1 / 360, 0.1, 0.075),  # Hokuyos', which give the time of a whole turn
+    (270, 0.1 / 270, 0.1, 0.1),
+    (270, -0.1 / 360, 0.1, 0.075),
+    (360, 0.1 / 360, 0.2, 0.0), (360, math.nan, 0.1, 0.0), (360, math.inf, 0.1, 0.0), (360, 0.1 / 360, math.nan, 0.0),
+    (360, 0.0, 0.0, 0.0),
+])
+def test_how_long_a_scan_takes_is_believed_of_a_driver_that_says_it_twice(beams, increment, scan_time, told):
+    """Walls stayed bent in turns with a lidar whose driver gives the motor's speed as the time between two beams."""
+    message = scan(0.0, math.radians(beams), DEGREE, beams)
+    message.time_increment, message.scan_time = increment, scan_time
+    assert scan_from_message(message).sweep_time == pytest.approx(told, rel=0.01)
