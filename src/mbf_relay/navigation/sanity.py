@@ -16,6 +16,7 @@ from mbf_relay.costmap.observation_source import SourceParameters
 from mbf_relay.costmap.obstacle_layer import ObstacleLayerParameters
 from mbf_relay.costmap.outline import parse_footprint, radii
 from mbf_relay.costmap.parameters import CostmapParameters
+from mbf_relay.costmap.range_layer import RangeSensorLayerParameters
 from mbf_relay.misspelling import nearest_of
 from mbf_relay.parameters import ParameterSet
 from mbf_relay.plugins import PluginError, find_class
@@ -189,7 +190,7 @@ def _of_order(group: Mapping[str, Any]) -> Iterator[Doubt]:
     for name, kind, _values in _layers(group):
         if "inflation_radius" in kind.names():
             late, inflation = [], name
-        elif inflation and issubclass(kind, ObstacleLayerParameters):
+        elif inflation and issubclass(kind, (ObstacleLayerParameters, RangeSensorLayerParameters)):
             late.append(name)
     if late:
         yield "plugins", (f"lists {', '.join(map(repr, late))} after '{inflation}', which inflates only what layers "

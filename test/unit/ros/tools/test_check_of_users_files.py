@@ -231,14 +231,15 @@ def test_an_expression_that_python_cannot_evaluate_is_told_where_its_value_is_wa
     assert (f"$(eval {expression})" in said and "nav.launch" in said) == bool(status), said
 
 
+@pytest.mark.parametrize("seeing", ["costmap_2d::ObstacleLayer", "range_sensor_layer::RangeSensorLayer"])
 @pytest.mark.parametrize("order, doubted", [
     (("inflated", "seen"), True), (("seen", "inflated"), False), (("inflated", "seen", "inflated_too"), False),
     (("seen",), False),
 ])
-def test_a_robot_led_right_beside_what_it_sees_is_doubted(tmp_path, order, doubted):
-    """A public quadruped's files list the inflation first, and costmap_2d inflates in that order."""
-    types = {"seen": "ObstacleLayer", "inflated": "InflationLayer", "inflated_too": "InflationLayer"}
-    listed = ", ".join(f"{{name: {name}, type: 'costmap_2d::{types[name]}'}}" for name in order)
+def test_a_robot_led_right_beside_what_it_sees_is_doubted(tmp_path, order, doubted, seeing):
+    """A public quadruped's files list the inflation first, others sonars last; costmap_2d inflates in that order."""
+    types = {"seen": seeing, "inflated": "costmap_2d::InflationLayer", "inflated_too": "costmap_2d::InflationLayer"}
+    listed = ", ".join(f"{{name: {name}, type: '{types[name]}'}}" for name in order)
     layers = f"plugins: [{listed}], seen: {{observation_sources: scan, scan: {{topic: scan}}}}, "
     status, told = check(tmp_path, COSTMAPS.replace("observation_sources: scan, ", layers))
     assert ("doubtful: local_costmap/plugins: lists 'seen' after 'inflated', which inflates only" in told) == doubted
