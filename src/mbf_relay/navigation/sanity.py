@@ -17,6 +17,7 @@ from mbf_relay.costmap.obstacle_layer import ObstacleLayerParameters
 from mbf_relay.costmap.outline import parse_footprint, radii
 from mbf_relay.costmap.parameters import CostmapParameters
 from mbf_relay.costmap.range_layer import RangeSensorLayerParameters
+from mbf_relay.costmap.static_layer import StaticLayerParameters
 from mbf_relay.misspelling import nearest_of
 from mbf_relay.parameters import ParameterSet
 from mbf_relay.plugins import PluginError, find_class
@@ -153,13 +154,18 @@ def _of_sources(group: Mapping[str, Any]) -> Iterator[Doubt]:
 
 
 def _may_see(group: Mapping[str, Any]) -> bool:
-    """Return whether some layer has sensors: one of ours, one that has overridden `sources`, or one that is not found.
+    """Return whether some layer may show what a sensor sees.
+
+    One of ours that has sensors, one that has overridden `sources`, one that is not found, or one that takes a map by
+    another topic than the usual one: octomap_server's and rtabmap's are made of what is seen.
     """
     try:
-        listed = layer_groups(group)
-        return any(layer_class(type_name, values).sources is not Layer.sources for _name, type_name, values in listed)
+        listed = [(layer_class(type_name, values), values) for _name, type_name, values in layer_groups(group)]
     except ValueError:
         return True  # told elsewhere
+    usual = StaticLayerParameters.map_topic
+    return any(kind.sources is not Layer.sources or values.get("map_topic", usual) not in (usual, f"/{usual}")
+               for kind, values in listed)
 
 
 def _layers(group: Mapping[str, Any]) -> Iterator[Tuple[str, Type[ParameterSet], Any]]:

@@ -251,11 +251,14 @@ def test_a_robot_led_right_beside_what_it_sees_is_doubted(tmp_path, order, doubt
     ("{name: seen, type: 'costmap_2d::ObstacleLayer'}, {name: inflation, type: 'costmap_2d::InflationLayer'}", False),
     ("{name: sonar, type: 'range_sensor_layer::RangeSensorLayer'}", False),
     ("{name: theirs, type: 'their_layers::DepthLayer'}", False),
+    ("{name: map_layer, type: 'costmap_2d::StaticLayer'}", True),
+    ("{name: octomap, type: 'costmap_2d::StaticLayer'}", False),
     ("", True),
 ])
 def test_a_robot_whose_layers_all_see_nothing_is_not_called_sound(tmp_path, layers, doubted):
     """Who added one layer of his own had replaced those that see, and drove into a wall with exit status 0."""
-    group = f"plugins: [{layers}], seen: {{observation_sources: scan, scan: {{topic: scan}}}}, "
+    group = (f"plugins: [{layers}], seen: {{observation_sources: scan, scan: {{topic: scan}}}}, "
+             "map_layer: {map_topic: /map}, octomap: {map_topic: /projected_map}, ")
     _, told = check(tmp_path, COSTMAPS.replace("rolling_window: true, ", "rolling_window: true, " + group))
     assert ("local_costmap/plugins: lists no layer that takes what a sensor sees, so that nothing" in told) == doubted
 
