@@ -209,7 +209,7 @@ class SdfReader:
             return
         found = find_resource(uri, folder)
         file = model_file(found) if os.path.isdir(found) else found
-        name = (include.findtext("name") or "").strip()
+        renamed = (include.findtext("name") or "").strip()
         static = (include.findtext("static") or "").strip().lower() in ("1", "true")
         models = self._parse(file).findall("model")
         self._depth += 1
@@ -220,7 +220,7 @@ class SdfReader:
             raise _Endless(f"world file {self._path}: '{uri}' includes itself")
         try:
             for model in models:
-                name = name or model.get("name", "model")
+                name = renamed or model.get("name", "model")
                 place = saved.get(name) if not prefix else None
                 if place is None:
                     # The include's pose replaces the model's own.

@@ -264,3 +264,13 @@ def test_a_robot_is_set_down_in_a_hall_that_is_one_mesh(tmp_path):
     assert drawn_free(world) == pytest.approx(36.0, rel=0.05)
     with Simulation(world, SimulationParameters(), seed=1) as simulation, pytest.raises(ValueError, match="in 'hall'"):
         simulation.set_pose(Pose2D(3.0, 0.0, 0.0))
+
+
+def test_several_models_of_one_included_file_keep_their_names_and_saved_places(tmp_path):
+    """All were called as the first and put where that was saved, one into another; contacts named the wrong one."""
+    pair = model("left", BOX, "0 4 0") + model("right", BOX, "0 -4 0")
+    write(tmp_path / "pair.sdf", f"<sdf version='1.6'>{pair}</sdf>")
+    saved = "<state><model name='left'><pose>9 4 0 0 0 0</pose></model></state>"
+    world = load_world(write(tmp_path / "w.world", sdf("<include><uri>pair.sdf</uri></include>" + saved)))
+    places = {body.name: body.frame.position.tolist() for body in world.bodies}
+    assert places == {"left": [9.0, 4.0, 0.0], "right": [0.0, -4.0, 0.0]}
