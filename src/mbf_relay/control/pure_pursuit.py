@@ -14,7 +14,7 @@ from mbf_relay.control.cycle import ControlCycle
 from mbf_relay.control.follower import PathFollower
 from mbf_relay.control.follower_parameters import FollowerParameters
 from mbf_relay.control.report import CycleReport
-from mbf_relay.geometry import Pose2D, Twist2D
+from mbf_relay.geometry import STOP, Pose2D, Twist2D
 from mbf_relay.parameters import parameter
 
 NEARER = (1.0, 0.75, 0.5, 0.35)  # shares of the lookahead distance tried, the farthest carrot first
@@ -109,13 +109,16 @@ class RegulatedPurePursuit(PathFollower):
             speed = self._regulated_speed(cycle, curvature)
             for slower in SLOWER:
                 command = self._command_for(cycle, slower * speed, curvature)
-                if speed > STANDS * self.parameters.desired_linear_vel and self._is_free(cycle, command):
+                leads = command != STOP and speed > STANDS * self.parameters.desired_linear_vel
+                if leads and self._is_free(cycle, command):
                     self.carrot = carrot
                     return command
         turn = self.turn_to_path(cycle, 0.0)
         if turn is not None:
             return turn
-        raise self.nothing_left(cycle, "no arc to the path ahead is free")
+        raise self.nothing_left(
+            cycle, "no arc to the path ahead is free" if cycle.turn > 0.0 else "its path is not straight ahead of it, "
+            "and its top rotational speed is 0")
 
     def report(self, cycle: ControlCycle, drove: bool) -> CycleReport:
         """Return the arc driven, up to the carrot."""

@@ -74,6 +74,14 @@ def test_a_robot_that_does_more_than_it_is_told_faces_its_path_and_drives(name, 
     assert ended.reached, ended.error
 
 
+@pytest.mark.parametrize("aside", [0.03, -0.1])
+def test_a_robot_that_may_not_turn_drives_or_says_why_it_stands(name, aside):
+    """Pure pursuit commanded 0 for ever where its path was not straight ahead, and told nobody."""
+    ended = drive(follower(name, max_vel_theta=0.0, min_vel_theta=0.0), path_through((0, 0), (1, 0)),
+                  Pose2D(0.0, aside, 0.0), seconds=20.0)
+    assert ended.reached or "has to turn" in str(ended.error) or "rotational speed is 0" in str(ended.error)
+
+
 @pytest.mark.parametrize("start", [START, Pose2D(0.02, 0.06, 0.0)], ids=["on it", "beside its end"])
 def test_a_path_that_ends_where_it_began_is_driven(name, start):
     """A round of a guard or a mower ended at once, well done: its goal was where the robot stood."""
