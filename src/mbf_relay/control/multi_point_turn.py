@@ -44,7 +44,7 @@ def multi_point_turn(
         found: List[Tuple[float, Curve]] = []
         for move in first_moves:
             begun = Curve(move, EASIER * radius)
-            if move and checker.touches(begun.poses(pose, 2.0 * checker.step)).any():
+            if move and _free_way(begun.poses(pose, 2.0 * checker.step), depths, checker, radius) is None:
                 continue
             begin = Pose2D(*begun.poses(pose, math.inf)[-1].tolist())
             for arc, place in places:

@@ -96,3 +96,14 @@ def test_one_that_no_plain_way_turns_makes_room_for_it_first(blocks):
     end = Pose2D(*way.poses[-1])
     assert end.distance_to(Pose2D(0.0, 0.0, 0.0)) < 0.02 and abs(angle_between(math.pi, end.theta)) < 0.05
     assert not checker.touches(way.poses).any()
+
+
+def test_one_that_touches_something_makes_room_as_well_where_no_plain_way_turns_it():
+    """A mark at its rear corner, which it may leave, was in the way of every first move: it was given up."""
+    blocks = [(0.07, 0.57), (-0.3, 0.12), (0.24, 0.62), (0.43, -0.07), (0.48, 0.35)]
+    occupied = boxes((-0.11, -0.12, -0.08, -0.07), *[(x - 0.08, y - 0.08, x + 0.08, y + 0.08) for x, y in blocks])
+    path = path_through((-0.3, 0.0), (0.0, 0.0), end_heading=math.pi)
+    way, checker = turned(Pose2D(0.0, 0.0, 0.0), path, occupied)
+    assert checker.contacts_at(Pose2D(0.0, 0.0, 0.0)) and way is not None
+    away = np.hypot(*way.poses[:, :2].T) > 0.1
+    assert away.any() and not checker.touches(way.poses[away]).any()
