@@ -1,4 +1,4 @@
-"""Costmaps: layers of knowledge about obstacles, merged into one grid of costs."""
+"""Costmaps in layers, after costmap_2d: each layer writes what it knows of obstacles into one grid of costs."""
 
 LAYERS = {
     "costmap_2d::StaticLayer": "mbf_relay.costmap.static_layer.StaticLayer",
@@ -17,4 +17,4 @@ LAYERS = {
     "mbf_relay::TrackLayer": "mbf_relay.costmap.track_layer.TrackLayer",
     "costmap_2d::InflationLayer": "mbf_relay.costmap.inflation_layer.InflationLayer",
 }
-"""Type names in parameter files and the classes that do that job here."""
+"""The class that implements each layer type which parameter files may name."""

@@ -1,4 +1,4 @@
-"""What planners and controllers see of a costmap: one consistent snapshot of it."""
+"""The snapshot of a costmap that planners and controllers work on, and windows of its cells."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ FREE_SPACE = 0
 INSCRIBED = 253  # with the robot's centre here, its inscribed circle touches an obstacle
 LETHAL = 254
 NO_INFORMATION = 255
-# default share of a cell: 0.01 m of 0.05 m, the footprint's default padding, which makes up for it
 OBSTACLE_OVERLAP = 0.2
+"""Default of obstacle_overlap, a share of a cell: 0.01 m of 0.05 m, as much as the default footprint_padding adds."""
 
 
 class Window(NamedTuple):
-    """Columns x0 to x1 and rows y0 to y1 of a grid, the ends not included; empty where an end is not above its start.
+    """The cells of a grid in columns x0 to x1 and rows y0 to y1, x1 and y1 excluded; empty where x1 <= x0 or y1 <= y0.
     """
 
     x0: int
@@ -35,24 +35,24 @@ class Window(NamedTuple):
 
     @classmethod
     def over(cls, grid: Grid, low: Sequence[float], high: Sequence[float]) -> Window:
-        """Return the cells that a box lies on, by its lower left and upper right corner (m); some may be off the grid.
+        """Return the cells that a box overlaps, given its lower left and upper right corner (m); not cut to the grid.
         """
         (x0, y0), (x1, y1) = grid.cell_at(*low), grid.cell_at(*high)
         return cls(x0, y0, x1 + 1, y1 + 1)
 
     @classmethod
     def around(cls, grid: Grid, x: float, y: float, reach: float) -> Window:
-        """Return the cells that a square lies on whose sides are `reach` (m) away from a point; see `over`."""
+        """Return the cells that a square of side 2 `reach` (m) around a point overlaps; not cut to the grid."""
         return cls.over(grid, (x - reach, y - reach), (x + reach, y + reach))
 
     @property
     def is_empty(self) -> bool:
-        """Return whether no cell is in it."""
+        """Whether it holds no cell."""
         return self.x1 <= self.x0 or self.y1 <= self.y0
 
     @property
     def slices(self) -> Tuple[slice, slice]:
-        """Index of the window in an array over the grid."""
+        """Slices (rows, columns) that take the window out of an array over the grid; it must lie within the grid."""
         return slice(self.y0, self.y1), slice(self.x0, self.x1)
 
     def union(self, other: Window) -> Window:
@@ -64,11 +64,11 @@ class Window(NamedTuple):
         return Window(min(self.x0, other.x0), min(self.y0, other.y0), max(self.x1, other.x1), max(self.y1, other.y1))
 
     def grown(self, cells: int) -> Window:
-        """Return the window widened on all sides; an empty one stays empty."""
+        """Return the window widened by so many cells on all sides; an empty one stays empty."""
         return self if self.is_empty else Window(self.x0 - cells, self.y0 - cells, self.x1 + cells, self.y1 + cells)
 
     def within(self, grid: Grid) -> Window:
-        """Return the part that lies in a grid; of one beside it nothing, and no end below 0, which would wrap."""
+        """Return the part within a grid, empty where there is none. No bound is negative: slices would wrap."""
         return Window(max(self.x0, 0), max(self.y0, 0), max(min(self.x1, grid.width), 0),
                       max(min(self.y1, grid.height), 0))
 
@@ -78,30 +78,31 @@ class Window(NamedTuple):
 
 
 EMPTY = Window(0, 0, 0, 0)
+"""A window without cells."""
 
 
 @dataclass(frozen=True)
 class CostGrid:
-    """A snapshot of a costmap; whoever holds it may rely on it not to change. Treat as read-only.
+    """A snapshot of a costmap, which later updates do not change. Treat as read-only.
 
     Attributes:
         grid: Where the cells lie in `frame`.
         costs: Shape (height, width), uint8, C-contiguous: 0 free to 252, then INSCRIBED, LETHAL, NO_INFORMATION.
         frame: Frame of the grid ("map" or "odom").
         footprint: Outline of the robot around its base frame, shape (K, 2) in metres, padding included.
-        inscribed_radius: Largest circle (m) around the base within the footprint.
-        circumscribed_radius: Smallest circle (m) around the base that holds the footprint.
-        revision: Grows with every change of `costs` and is never used twice, so that equal revisions are equal
-            snapshots; 0 for a snapshot that no costmap made.
-        stamp: Time (s) of the update it shows.
+        inscribed_radius: Radius (m) of the largest circle around the base frame's origin within the footprint.
+        circumscribed_radius: Radius (m) of the smallest circle around that origin that holds the footprint.
+        revision: Number that grows with every change of `costs`, unique in the process: snapshots of equal revisions
+            have equal costs. 0 for a snapshot that was not taken from a Costmap.
+        stamp: Time (s) of the costmap's last update; 0 before the first.
         history: The latest changes, oldest first: the revision each led to, and the cells it touched.
         obstacle_overlap: Share of a cell by which the footprint's outline may reach into an obstacle's cell.
-        tracks: What moves, in `frame`; None where no layer looks for that.
+        tracks: Moving obstacles, in `frame`; None where no layer tracks any.
         side_cost, turning_cost: Inflation's cost at half the robot's width, and at its circumscribed radius, from an
-            obstacle: below the first its sides touch nothing, below the second no corner does however it turns.
-            INSCRIBED where costs do not tell.
-        sees_all_round: Whether sensors look in all directions at once; true where there are no tracks, as it is asked
-            for their sake alone.
+            obstacle. Where the cost under the base is below the first, its sides touch nothing; below the second it
+            can turn on the spot. INSCRIBED where no layer inflates.
+        sees_all_round: Whether the sensors cover all directions at once. Only users of `tracks` ask: true where there
+            are none.
     """
 
     grid: Grid
@@ -121,20 +122,20 @@ class CostGrid:
 
     @cached_property
     def half_width(self) -> float:
-        """How far (m) the footprint reaches to the sides; the inscribed radius where a round robot has no corners."""
+        """Distance (m) to which the footprint reaches to the left or right; see `half_width_of`."""
         return half_width_of(self.footprint, self.inscribed_radius)
 
     @cached_property
     def width(self) -> float:
-        """The robot's width (m), a cell at least: what lengths that suit a robot are multiples of."""
+        """The robot's width (m), at least one cell; lengths that should scale with the robot are multiples of it."""
         return max(2.0 * self.half_width, self.grid.resolution)
 
     def with_costs(self, costs: np.ndarray) -> CostGrid:
-        """Return it with other costs, shape (height, width), of whose past nothing is known."""
+        """Return a copy with other costs, shape (height, width), without revision and history."""
         return replace(self, costs=costs, revision=0, history=())
 
     def blocks(self, poses: np.ndarray) -> np.ndarray:
-        """Return at which poses, shape (N, 3), the robot's centre must not be: shape (N,), bool; nowhere off the grid.
+        """Return which poses, shape (N, 3), lie on an INSCRIBED or LETHAL cell: shape (N,), bool; False off the grid.
         """
         cells = self.grid.cells_at(poses)
         inside = self.grid.contains_cells(cells)
@@ -144,7 +145,11 @@ class CostGrid:
         return blocked
 
     def changed_since(self, revision: int) -> Optional[Window]:
-        """Return a window that holds all that changed since an earlier snapshot, or None where that is not known."""
+        """Return a window that holds every change since an earlier snapshot; None where that is too long ago to tell.
+
+        Args:
+            revision: The earlier snapshot's.
+        """
         changed = EMPTY
         for later, window in reversed(self.history):
             if later == revision:
@@ -154,7 +159,11 @@ class CostGrid:
 
 
 def without_tracks(costmap: CostGrid, now: float) -> CostGrid:
-    """Return a snapshot without obstacles where tracks are at a time (s), give or take two cells: they will be gone."""
+    """Return a snapshot in which lethal cells of moving obstacles are free, for what asks about a later time.
+
+    These are the lethal cells within a track's radius and two cells of where it is predicted at time `now` (s); costs
+    inflated around them stay.
+    """
     grid, costs = costmap.grid, costmap.costs.copy()
     for track in costmap.tracks or ():
         there = track.at(now)
@@ -170,5 +179,5 @@ def without_tracks(costmap: CostGrid, now: float) -> CostGrid:
 
 
 def half_width_of(footprint: np.ndarray, inscribed_radius: float) -> float:
-    """Return how far (m) an outline, shape (K, 2), reaches to the sides; the radius where a robot is round, K = 0."""
+    """Return the largest |y| (m) of an outline, shape (K, 2), in the base frame; the radius where K is 0."""
     return float(np.abs(footprint[:, 1]).max()) if len(footprint) else inscribed_radius

@@ -1,4 +1,4 @@
-"""The costmap: layers of knowledge about obstacles, kept up to date and merged into one grid of costs."""
+"""The costmap: updates its layers and merges what they know of obstacles into one grid of costs."""
 
 from __future__ import annotations
 
@@ -25,23 +25,23 @@ from mbf_relay.parameters import ParameterSet
 from mbf_relay.plugins import PluginFailure, failures_of
 
 HISTORY = 64
-"""How many changes back a snapshot knows what changed since."""
+"""Changes a snapshot's history holds."""
 
 _revisions: Iterator[int] = itertools.count(1)
 
 
 class Costmap:
-    """A grid of costs fed by its layers. Every method may be called from any thread.
+    """A grid of costs that layers write into, as costmap_2d's LayeredCostmap. Methods may be called from any thread.
 
-    `update` does the work; `snapshot` gives the snapshot it made. Observations and maps wait in the layers until then.
+    Observations and maps wait in the layers until the next `update`; `snapshot` returns the grid as of the last one.
 
     Attributes:
-        name: For messages, e.g. "local_costmap".
-        parameters: The values in force; they change only by `reconfigure`.
+        name: Its name in log lines and errors, e.g. "local_costmap".
+        parameters: The values in force; only `reconfigure` changes them.
         layers: In the order in which they write.
-        notes: What was made of the user's values, one line each, where they could not be taken as they are.
-        inputs: Which layers take what each sensor sees; see `inputs_of`.
-        failed: Why a layer the user listed is not there, by its name.
+        notes: One line for each of the user's values that was not used as it stands.
+        inputs: The layers that take each sensor's observations; see `inputs_of`.
+        failed: By name, why a layer that the user listed was left out.
     """
 
     def __init__(
@@ -61,9 +61,9 @@ class Costmap:
         self._freshness = Freshness(name)
         self._sized_by_map, self._missing = False, ""
         self._due_grid: Optional[Grid] = None  # the next update takes it, see there
-        self._redo_due = False  # the next update redoes every cell
-        self._copy: Optional[np.ndarray] = None  # of the costs, made when somebody asks
-        self._shown: Optional[CostGrid] = None  # the snapshot made last, as long as nothing changed
+        self._redo_due = False  # the next update recomputes every cell
+        self._copy: Optional[np.ndarray] = None  # of the costs, made when a snapshot is asked for
+        self._shown: Optional[CostGrid] = None  # the last snapshot, until something changes
         self._history: Deque[Tuple[int, Window]] = deque(maxlen=HISTORY)
         self._near: Optional[Tuple[int, int]] = None  # see _near_costs
         for layer in self.layers:
@@ -93,7 +93,7 @@ class Costmap:
 
     @property
     def updates(self) -> int:
-        """How often it was updated."""
+        """Number of updates so far."""
         return self._freshness.updates
 
     @property
@@ -106,10 +106,10 @@ class Costmap:
         return next((layer for layer in self.layers if layer.name == name), None)
 
     def reconfigure(self, parameters: CostmapParameters) -> None:
-        """Take other values of RECONFIGURABLE; they show from the next update on.
+        """Change parameters listed in RECONFIGURABLE, with effect from the next update on.
 
         Raises:
-            ValueError: They change the grid of a costmap sized by its map, or the padding does not fit the outline.
+            ValueError: They change the grid of a costmap sized by its map, or the padding does not fit the footprint.
         """
         with self._lock:
             old = self.parameters
@@ -120,20 +120,20 @@ class Costmap:
                     "and origin_y cannot be changed")
             outline = parameters.outline()
             if np.array_equal(outline, old.outline()):
-                outline = self._outline  # which may have come since by other ways than a parameter
+                outline = self._outline  # a topic may have changed it since
                 check_padded(outline, parameters.footprint_padding, parameters.resolution)
             self.parameters = parameters
             self._due_grid = parameters.grid() if resized else self._due_grid
             self.set_footprint(outline)
 
     def reconfigure_layer(self, name: str, parameters: ParameterSet) -> None:
-        """Give the layer of that name other values; they show from the next update on."""
+        """Change the parameters of the layer of that name, with effect from the next update on."""
         with self._lock:
             next(layer for layer in self.layers if layer.name == name).reconfigure(parameters)
             self._redo_due, self._near, self._shown = True, None, None
 
     def set_footprint(self, outline: np.ndarray) -> None:
-        """Take another outline of the robot, without padding, as `parse_footprint` gives it, shape (K, 2) in metres."""
+        """Change the robot's outline: without padding, shape (K, 2) in metres, as `parse_footprint` returns it."""
         with self._lock:
             self._outline, self._near, self._shown = outline, None, None
             self._footprint = padded(outline, self.parameters.footprint_padding)
@@ -142,12 +142,12 @@ class Costmap:
                 layer.set_footprint(self._inscribed_radius)
 
     def observe(self, source: str, observation: Observation, now: Optional[float] = None) -> None:
-        """Take what a sensor saw; it shows from the next update on.
+        """Pass an observation to the layers that take its source; the next update shows it.
 
         Args:
             source: One of `sources`.
             observation: In the costmap's frame.
-            now: Time (s) of the hand-over, which replaces a stamp of 0; the observation's stamp where None.
+            now: Present time (s), which also replaces a stamp of 0; None for the observation's stamp.
 
         Raises:
             ValueError: There is no such source.
@@ -164,38 +164,38 @@ class Costmap:
                 observation = observation if rest is None or not layer.enabled else rest
 
     def refuse(self, source: str, reason: str, is_blind: bool = True) -> None:
-        """Take note why a message of a sensor, one of `sources`, is not used; see Layer.refuse."""
+        """Record why a message of a sensor, one of `sources`, was not used; see Layer.refuse."""
         with self._lock:
             for layer, name in self.inputs.get(source, ()):
                 layer.refuse(name, reason, is_blind)
 
     @property
     def zone_limit(self) -> ZoneLimit:
-        """How fast the robot may go where it stands, as all layers that take part know it."""
+        """The lowest speed limits that enabled layers set at the robot's place."""
         return ZoneLimit.lowest(layer.zone_limit for layer in self.layers if layer.enabled)
 
     @property
     def sees_all_round(self) -> bool:
-        """Whether its sensors look in all directions at once; see Layer."""
+        """Whether the sensors of one of its layers cover all directions; see Layer."""
         with self._lock:
             return any(layer.sees_all_round for layer in self.layers if layer.enabled)
 
     def is_sized_by(self, layer: str) -> bool:
-        """Return whether the map of the layer of that name gives it size, resolution and place; see `set_map`."""
+        """Return whether that layer's map determines size, resolution and origin; see `set_map`."""
         return not self.parameters.rolling_window and self._floor_layer in self._takers_of_map(layer)
 
     def set_map(self, occupancy: OccupancyMap, layer: str = "") -> Optional[str]:
-        """Take a map; a costmap that is no rolling window takes the size and resolution of its first one of the floor.
+        """Pass a map to its layers. Without rolling_window, that of the first static layer also resizes the costmap.
 
         Args:
             occupancy: The map.
-            layer: Name of the layer it is for; all that map the floor where empty.
+            layer: Name of the layer it is for; empty for all static layers (`maps_floor`).
 
         Returns:
-            What the user should know of it, or None.
+            A warning for the user, or None.
 
         Raises:
-            ValueError: The map is turned, and the costmap that holds all of it would have too many cells.
+            ValueError: The map's origin is rotated, and an upright grid that holds it would have too many cells.
         """
         grid = occupancy.upright_grid
         takers = self._takers_of_map(layer)
@@ -217,12 +217,12 @@ class Costmap:
         return notice
 
     def update_map(self, x: int, y: int, data: np.ndarray, layer: str = "") -> None:
-        """Take a changed part of a map.
+        """Pass an update of a part of the map, as of map_msgs/OccupancyGridUpdate, to its layers.
 
         Args:
-            x, y: Column and row of its lower left cell.
+            x, y: Column and row of its lower left cell in the map.
             data: int8 of shape (rows, columns).
-            layer: Name of the layer it is for; all that map the floor where empty.
+            layer: As for `set_map`.
 
         Raises:
             ValueError: It does not lie within the map.
@@ -232,35 +232,35 @@ class Costmap:
                 taker.update_map(x, y, data)
 
     def set_map_from_costmap(self, transform: Pose2D, layer: str = "") -> None:
-        """Tell where the costmap lies on a map.
+        """Set the transform by which layers look up a map that lies in another frame.
 
         Args:
-            transform: From the costmap's frame to the map's.
-            layer: Name of the layer whose map it is; all that map the floor where empty.
+            transform: Takes poses in the costmap's frame to the map's.
+            layer: As for `set_map`.
         """
         with self._lock:
             for taker in self._takers_of_map(layer):
                 taker.set_map_from_costmap(transform)
 
     def _takers_of_map(self, layer: str) -> List[Layer]:
-        """Return the layer of that name, if there is one; all that map the floor where it is empty."""
+        """Return the layer of that name, if there is one; all static layers where it is empty."""
         return [each for each in self.layers if (each.name == layer if layer else each.maps_floor)]
 
     def update(self, now: float, robot_pose: Pose2D) -> None:
-        """Bring the snapshot up to date.
+        """Update the layers and the costs of the cells they changed.
 
         Args:
             now: Time (s).
-            robot_pose: The robot's base in the costmap's frame.
+            robot_pose: Pose of the robot's base in the costmap's frame.
 
         Raises:
             ValueError: The pose is not finite.
-            PluginFailure: A layer raised something; the next update redoes what this one has begun.
+            PluginFailure: A layer raised an exception; the next update recomputes every cell.
         """
         if not robot_pose.is_finite():
             raise ValueError(f"{self.name}: robot pose {tuple(robot_pose)} is not finite")
         with self._lock:
-            if self._due_grid is not None:  # not sooner: until its layers are asked again, a new grid is free all over
+            if self._due_grid is not None:  # not sooner: a new grid is all free until its layers have written into it
                 self._resize(self._due_grid)
                 self._due_grid = None
             if self.parameters.rolling_window:
@@ -268,7 +268,7 @@ class Costmap:
             context = LayerContext(now, robot_pose, self._outline)
             active = [layer for layer in self.layers if layer.enabled]
             window = Window.of(self._grid) if self._redo_due else EMPTY
-            self._redo_due = True  # again, where a layer breaks off what others have begun
+            self._redo_due = True  # stays so if a layer raises
             try:
                 for layer in active:
                     with failures_of(layer, "layer"):
@@ -284,7 +284,7 @@ class Costmap:
             self._freshness.note(now)
 
     def note_failure(self, reason: str) -> None:
-        """Note why it cannot be updated at present; told, until it is, where the snapshot is missing or too old."""
+        """Record why it cannot be updated; until the next update, errors about a missing or old snapshot give it."""
         self._freshness.failure = reason
 
     def _redo(self, window: Window, layers: Sequence[Layer]) -> None:
@@ -305,7 +305,7 @@ class Costmap:
             self._copy = self._shown = None
 
     def _follow(self, robot_pose: Pose2D) -> None:
-        """Move the window so that the robot stands in its middle, by whole cells."""
+        """Move a rolling window by whole cells so that the robot is in its middle, to within a cell."""
         grid = self._grid
         columns = int((robot_pose.x - grid.width * grid.resolution / 2.0 - grid.origin_x) / grid.resolution)
         rows = int((robot_pose.y - grid.height * grid.resolution / 2.0 - grid.origin_y) / grid.resolution)
@@ -319,7 +319,7 @@ class Costmap:
             layer.shift(self._grid, columns, rows)
         self._history.clear()
         self._note_change(Window.of(self._grid))
-        self._redo_due = True  # windows that layers keep of what they wrote are of the grid before
+        self._redo_due = True  # layers may hold windows in cells of the grid before the move
 
     def _resize(self, grid: Grid) -> None:
         self._grid = grid
@@ -331,7 +331,7 @@ class Costmap:
         self._copy = self._shown = self._near = None
 
     def snapshot(self) -> CostGrid:
-        """Return the present snapshot; it does not change when the costmap does."""
+        """Return the costmap as of its last update; later updates do not change the result."""
         with self._lock:
             if self._copy is None:
                 self._copy = self._costs.copy()
@@ -345,7 +345,7 @@ class Costmap:
             return self._shown
 
     def _near_costs(self) -> Tuple[int, int]:
-        """Return the costs at which the robot's sides touch an obstacle, and a corner where it turns; see CostGrid."""
+        """Return `side_cost` and `turning_cost` of CostGrid."""
         if self._near is None:
             half_width = half_width_of(self._footprint, self._inscribed_radius)
             margin = (0.5 - self.parameters.obstacle_overlap) * self._grid.resolution  # an obstacle fills its cell
@@ -364,13 +364,13 @@ class Costmap:
         self, layers: Optional[Collection[str]] = None, around: Optional[Pose2D] = None, side: float = math.inf,
         inside: bool = True,
     ) -> None:
-        """Forget what was observed; the next update shows it, with the newest observations put in again.
+        """Clear observed obstacles; the next update shows that, and marks the newest observations again.
 
         Args:
-            layers: Names of the layers to clear; all where None. What a static layer's map says stays.
-            around: Centre of a square, in the costmap's frame; the whole costmap where None.
+            layers: Names of the layers to clear; None for all. Maps, masks and prohibited areas stay.
+            around: Centre of a square, in the costmap's frame; None for the whole costmap.
             side: Length (m) of the square's sides.
-            inside: Clear in the square; otherwise everything outside of it.
+            inside: Clear inside the square; False for outside.
         """
         with self._lock:
             window = Window.of(self._grid)
@@ -381,19 +381,19 @@ class Costmap:
                     layer.clear(window, inside)
 
     def stale_reason(self, now: float) -> Optional[str]:
-        """Return why the snapshot must not be driven on, or None."""
+        """Return why it is too old or incomplete for driving at time `now` (s), or None."""
         with self._lock:
-            resting = LEAST_ALLOWED if self.sources else math.inf  # nor do sensors get through then
+            resting = LEAST_ALLOWED if self.sources else math.inf  # at update_frequency 0, sensors do not show either
             trouble = self._freshness.trouble(now, self.parameters.update_frequency, resting)
             reasons = (layer.stale_reason(now) for layer in self.layers if layer.enabled)
             return trouble or next((f"{self.name}: {reason}" for reason in reasons if reason is not None), None)
 
     def planning_trouble(self, now: float) -> Optional[PlanningError]:
-        """Return why the snapshot must not be planned on, or None: sensors may be silent, but it must have a map."""
+        """Return why it is too old or lacks a map for planning at time `now` (s), or None. Sensors may be silent."""
         with self._lock:
             if self._freshness.updated is None:
                 return PlanningError(PlanOutcome.NOT_INITIALIZED, self._freshness.never(missing_inputs(self.layers)))
-            if self._missing:  # at that update: a map that has come since is not in the snapshot
+            if self._missing:  # as of the last update: the snapshot does not show a map that came after it
                 return PlanningError(PlanOutcome.MAP_ERROR, f"{self.name}: {self._missing}")
             trouble = self._freshness.trouble(now, self.parameters.update_frequency, math.inf)
             return PlanningError(PlanOutcome.MAP_ERROR, trouble) if trouble is not None else None

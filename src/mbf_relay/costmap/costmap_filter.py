@@ -1,4 +1,4 @@
-"""Zones drawn on a mask, a map of its own: where not to go, and where to go slowly (Nav2's costmap filters)."""
+"""Nav2's costmap filters: keepout zones and speed limits from a mask, which is an occupancy map of its own."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from mbf_relay.maps import FREE, OCCUPIED, UNKNOWN, OccupancyMap, load_map
 from mbf_relay.parameters import TOPIC, ParameterSet, parameter
 
 PERCENT, ABSOLUTE = 1, 2
-"""What a speed filter's limits are, by CostmapFilterInfo's numbers."""
+"""Unit of a speed filter's limits: percent of the top speed, or m/s; numbers as in nav2_msgs/CostmapFilterInfo."""
 
 
 @dataclass(frozen=True)
 class CostmapFilterParameters(ParameterSet):
-    """Parameters of a filter; ROS 1 has no message for what Nav2 tells by one, so it stands here."""
+    """Parameters of a filter, including what Nav2 sends in a CostmapFilterInfo message, which ROS 1 lacks."""
 
     enabled: bool = parameter(True, "use this filter")
     filter_mask_topic: str = parameter("filter_mask", "topic of the mask, a map as map_server publishes it")
@@ -37,7 +37,7 @@ class CostmapFilterParameters(ParameterSet):
 
 
 class CostmapFilter(PlacedLayer):
-    """A layer that reads a mask. Without its mask the costmap is not to be relied on: nobody knows where zones are."""
+    """A layer with a mask. Until the mask has come the costmap counts as incomplete: the robot does not drive."""
 
     Parameters = CostmapFilterParameters
     parameters: CostmapFilterParameters
@@ -66,9 +66,9 @@ class CostmapFilter(PlacedLayer):
 
 
 class KeepoutFilter(CostmapFilter):
-    """Nav2's KeepoutFilter: what the mask marks cannot be driven on; what it marks in part costs as much.
+    """Nav2's KeepoutFilter: cells where the mask is 100 are lethal, and values from 1 to 99 become costs in proportion.
 
-    Listed before the inflation layer, zones are inflated as obstacles are.
+    Listed before the inflation layer, keepout zones are inflated as obstacles are.
     """
 
     def update_bounds(self, context: LayerContext, window: Window) -> Window:
@@ -78,7 +78,7 @@ class KeepoutFilter(CostmapFilter):
         return window.union(pending)
 
     def _draw(self, mask: OccupancyMap) -> None:
-        """Take the mask's cell under the centre of each of the costmap's."""
+        """Give each of the layer's cells the cost of the mask's cell under its centre."""
         grid, at = self.grid, mask.origin.inverse().compose(self.own_from_costmap)
         self.costs[:] = NO_INFORMATION
         layer_kernels.sample_map(
@@ -112,10 +112,10 @@ class SpeedFilterParameters(CostmapFilterParameters):
 
 
 class SpeedFilter(CostmapFilter):
-    """Nav2's SpeedFilter: where the robot stands on the mask says how fast it may go.
+    """Nav2's SpeedFilter: the mask's value under the robot's base limits its speed.
 
-    A value of 0, unknown, a place beside the mask and a limit that comes out at 0 or below mean no limit. Only Nav2
-    keeps the last limit in the second and the third case, which depends on the way one came.
+    There is no limit where the value is 0 or unknown, beside the mask, and where the limit comes out at 0 or below.
+    Nav2 keeps the previous limit in unknown cells and beside the mask, where it then depends on the robot's way there.
     """
 
     Parameters = SpeedFilterParameters
@@ -150,4 +150,4 @@ class SpeedFilter(CostmapFilter):
         return ZoneLimit(limit, 1.0)
 
     def update_costs(self, costs: np.ndarray, window: Window) -> None:
-        """Costs are not its business."""
+        """Write nothing: the filter only limits speed."""

@@ -1,4 +1,4 @@
-"""Costmaps made from parameter files, in both of costmap_2d's forms: with a list of plugins, or without as before it.
+"""Costmaps from parameter files, in both of costmap_2d's forms: with a list `plugins`, or in the older form without it.
 """
 
 from __future__ import annotations
@@ -31,9 +31,9 @@ PARENT_NAMES = {
     "costmap_2d::VoxelLayer": VOXEL_NAMES,
     "costmap_2d::InflationLayer": INFLATION_NAMES,
 }
-"""What costmap_2d takes for a layer from the costmap's own level."""
+"""Parameters that costmap_2d copies from the costmap's own level into a layer's group, by the layer's type."""
 WHERE_LACKING = {"costmap_2d::VoxelLayer": RANGE_NAMES, SPATIO_TEMPORAL: SPATIO_TEMPORAL_NAMES}
-"""What of it gives way to the layer's group; of all else costmap_2d copies the costmap's value over the group's."""
+"""Those of them that are copied only where the group lacks them; otherwise the costmap's value replaces the group's."""
 
 COSTMAPS = ("global_costmap", "local_costmap")
 """Names of a server's costmaps."""
@@ -43,19 +43,19 @@ SEARCHED_NAMES = (
     "footprint", "robot_radius", "footprint_topic", "published_footprint_topic", "obstacle_range", "raytrace_range",
     "obstacle_overlap",
 )
-"""What costmap_2d looks for in the namespaces above as well, and what both costmaps are to agree on."""
+"""Parameters also read from the namespace above: by costmap_2d (searchParam), or since both costmaps should agree."""
 
 
 def build_costmap(name: str, values: Mapping[str, Any], above: Optional[Mapping[str, Any]] = None) -> Costmap:
     """Make a costmap from its part of a parameter file.
 
-    A layer of a type that is C++'s and unknown here is left out, and named in the costmap's `failed`: the others do
-    their work without it. One of Python was written for this costmap, which is none where it cannot be loaded.
+    A layer of an unknown C++ type is left out and named in the costmap's `failed`; the other layers work without it. A
+    layer of a Python class (a type with a dot) that cannot be loaded is an error.
 
     Args:
-        name: For messages, e.g. "local_costmap".
+        name: Its name in log lines and errors, e.g. "local_costmap".
         values: Names and values as costmap_2d reads them, groups as mappings.
-        above: The namespace the costmap's own stands in, where it looks for a footprint and for ranges too.
+        above: Parameters of the namespace above the costmap's own, where SEARCHED_NAMES are looked for too.
 
     Raises:
         ValueError: A value is wrong, or a layer in Python cannot be loaded; the text names costmap, parameter, value
@@ -81,7 +81,7 @@ def build_costmap(name: str, values: Mapping[str, Any], above: Optional[Mapping[
 
 
 def _groups_in_vain(values: Mapping[str, Any]) -> List[str]:
-    """Return a note on each value that stands where a layer's group is looked for, such as `static_map: true`."""
+    """Return a note on each parameter with the name of a layer that is no group, such as `static_map: true`."""
     return [
         f"parameter {name} is {values[name]!r} and no group; layer '{name}' takes its defaults, as costmap_2d's does"
         for name, _type_name, _group in (layer_groups(values) if values.get("plugins") is not None else [])
@@ -90,7 +90,7 @@ def _groups_in_vain(values: Mapping[str, Any]) -> List[str]:
 
 
 def _overruled(values: Mapping[str, Any]) -> List[str]:
-    """Return a note on each value in a layer's group that gives way to another at the costmap's level."""
+    """Return a note on each value in a layer's group that the costmap's own level replaces."""
     return [
         f"layer '{layer}': parameter {name} is {values[layer][name]!r}, and {used[name]!r} at the costmap's level; the "
         "latter is used, as by costmap_2d"
@@ -100,11 +100,11 @@ def _overruled(values: Mapping[str, Any]) -> List[str]:
 
 
 class _UnknownLayer(ValueError):
-    """There is no layer of that type, nor one that could stand in for it, and there need be none: it is C++'s."""
+    """A layer of an unknown C++ type, for which no other type can stand in."""
 
 
 def layer_groups(values: Mapping[str, Any]) -> List[Tuple[str, str, Dict[str, Any]]]:
-    """Return name, type and parameters of a costmap's layers, whichever form its file has.
+    """Return name, type and parameters of a costmap's layers, in either form of the file.
 
     Raises:
         ValueError: `plugins` is no list of {name, type}.
@@ -117,7 +117,7 @@ def layer_groups(values: Mapping[str, Any]) -> List[Tuple[str, str, Dict[str, An
         if not (isinstance(entry, Mapping) and {"name", "type"} <= set(entry)):
             raise ValueError(f"parameter plugins holds {entry!r}; each entry must be {{name: NAME, type: TYPE}}")
         own = values.get(entry["name"], {})
-        own = own if isinstance(own, Mapping) else {}  # Fetch's static_map: true, which costmap_2d passes over as well
+        own = own if isinstance(own, Mapping) else {}  # static_map: true in Fetch's files; costmap_2d ignores it too
         parent = {key: values[key] for key in PARENT_NAMES.get(entry["type"], ()) if key in values}
         lacking = {key: own[key] for key in WHERE_LACKING.get(entry["type"], ()) if key in own}
         result.append((entry["name"], entry["type"], {**own, **parent, **lacking}))
@@ -125,7 +125,7 @@ def layer_groups(values: Mapping[str, Any]) -> List[Tuple[str, str, Dict[str, An
 
 
 def _old_form(values: Mapping[str, Any]) -> List[Tuple[str, str, Dict[str, Any]]]:
-    """Return the layers costmap_2d makes where there is no list of them."""
+    """Return the layers costmap_2d makes where there is no list `plugins`."""
     def group(name: str, names: Tuple[str, ...]) -> Dict[str, Any]:
         own = values.get(name)
         return {**(own if isinstance(own, Mapping) else {}), **{key: values[key] for key in names if key in values}}
@@ -138,7 +138,7 @@ def _old_form(values: Mapping[str, Any]) -> List[Tuple[str, str, Dict[str, Any]]
     obstacles = group(
         "obstacle_layer", OBSTACLE_NAMES + PARENT_NAMES[obstacle_type] + ("observation_sources",) + sources)
     result.append(("obstacle_layer", obstacle_type, obstacles))
-    if isinstance(values.get("track_layer"), Mapping):  # costmap_2d has none: only for who asks
+    if isinstance(values.get("track_layer"), Mapping):  # costmap_2d has no such layer: only where the group is given
         result.append(
             (
                 "track_layer",
@@ -163,22 +163,22 @@ def _layer(name: str, type_name: str, group: Mapping[str, Any]) -> Layer:
 
 
 def layer_class(type_name: str, group: Mapping[str, Any]) -> Type[Layer]:
-    """Return the class that a layer of a type and of these parameters is made of.
+    """Return the class of a layer, given its type and parameters.
 
     Raises:
-        ValueError: There is none.
+        ValueError: There is no class for that type.
     """
     return plugins.find_class(_class_of(type_name, group), Layer, LAYERS)
 
 
 def _class_of(type_name: str, group: Mapping[str, Any]) -> str:
-    """Return the type to make a layer of.
+    """Return the layer type to use for `type_name`.
 
-    Its own, or for an unknown one that lists sensors, the nearest that marks those.
+    For an unknown C++ type with `observation_sources` that is the obstacle or voxel layer; else the type itself.
 
     Raises:
-        PluginError: It is no text, or a class in Python and cannot be loaded.
-        _UnknownLayer: It is unknown, and lists no sensors.
+        PluginError: It is no text, or a Python class that cannot be loaded.
+        _UnknownLayer: It is an unknown C++ type without `observation_sources`.
     """
     if not isinstance(type_name, str):
         raise plugins.PluginError(f"its type is {type_name!r}; it must be a text")
@@ -194,7 +194,7 @@ def _class_of(type_name: str, group: Mapping[str, Any]) -> str:
 
 
 def _may_be_the_other_s(value: Any) -> bool:
-    """Return whether a value is a layer's or a source's group: one file is often read for both costmaps."""
+    """Return whether a value is a layer's or source's group, perhaps of the other costmap: files are often shared."""
     if not isinstance(value, Mapping):
         return False
     kinds: List[Type[ParameterSet]] = [SourceParameters]
@@ -203,7 +203,7 @@ def _may_be_the_other_s(value: Any) -> bool:
 
 
 def unknown_names(values: Mapping[str, Any]) -> Dict[str, str]:
-    """Return the parameters in a costmap's part of a file that nothing reads, as "group/name", each with a hint."""
+    """Return the parameters of a costmap that nothing reads, as "name" or "group/name", each with a hint."""
     groups = layer_groups(values)
     old_form = values.get("plugins") is None
     read = set(OLD_FORM_NAMES + SEARCHED_NAMES + ("plugins", "observation_sources"))
@@ -216,7 +216,7 @@ def unknown_names(values: Mapping[str, Any]) -> Dict[str, str]:
         try:
             kind = layer_class(type_name, group).Parameters
         except ValueError:
-            continue  # nothing is known of its parameters
+            continue  # a layer of an unknown type
         prefix = "" if old_form else f"{layer_name}/"
         for name in kind.unknown_names(group):
             if name not in read:
@@ -238,11 +238,11 @@ def unknown_names(values: Mapping[str, Any]) -> Dict[str, str]:
 
 
 def _loaded_twice(name: str) -> str:
-    """Return the end of a message about a costmap's group within a costmap, empty for others."""
+    """Return the hint on a costmap's group within a costmap's group, empty for other names."""
     return f"; a file that begins with '{name}:' is loaded without ns" if name in COSTMAPS else ""
 
 
 def _reader_of(name: str) -> str:
-    """Return the end of a message about a parameter that a layer would read which is not there, empty for others."""
+    """Return the hint on a parameter that only a layer type not in use reads, empty for others."""
     kind = next((kind for kind, names in PARENT_NAMES.items() if name in names), None)
     return f"; {kind} reads it, which is not among the layers" if kind else ""
