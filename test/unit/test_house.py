@@ -69,6 +69,14 @@ def test_modules_are_short_and_documented(path):
     assert ast.get_docstring(parsed(path)), f"{path.name} does not say what it is for"
 
 
+def test_kernels_take_no_number_from_a_module_whose_changes_nobody_would_notice():
+    """Their machine code is kept for as long as their own file is as it was; it holds the numbers of others as well."""
+    for path in MODULES:
+        if path.stem.endswith("_kernels"):
+            own = [name for name in imports(parsed(path)) if name.startswith("mbf_relay")]
+            assert own == ["mbf_relay.kernels"], f"{path} is compiled with what it imports"
+
+
 def test_kernels_share_one_decorator():
     for path in MODULES:
         if path.name != "kernels.py":

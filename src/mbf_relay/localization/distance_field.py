@@ -10,12 +10,11 @@ import numpy as np
 
 from mbf_relay.distances import around, distances_to_zeros
 from mbf_relay.geometry import Pose2D
+from mbf_relay.localization.refinement_kernels import FREE_TO, OCCUPIED
 from mbf_relay.maps import CHECK_THRESHOLDS, OccupancyMap
 
 OCCUPIED_FROM = 65
-FREE_TO = 25
-OCCUPIED = 1 << 15
-"""Added to the code of an occupied cell; below it are the distances."""
+"""Occupancy from which a cell of a map is occupied."""
 BAND = 256
 """Rows whose distances are computed at once."""
 ON_A_WALL = 0.1  # m from the nearest occupied cell's centre within which a reading's end fits the map

@@ -8,8 +8,11 @@ import math
 import numpy as np
 
 from mbf_relay.kernels import kernel
-from mbf_relay.localization.distance_field import FREE_TO, OCCUPIED
 
+FREE_TO = 25
+"""Occupancy up to which a cell of a map is free."""
+OCCUPIED = 1 << 15
+"""Added to the distance field's code of an occupied cell; below it are the distances."""
 LONGEST_STEP = 0.2
 LARGEST_TURN = 0.1
 NEAR = 3
