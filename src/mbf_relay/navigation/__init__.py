@@ -1,4 +1,4 @@
-"""Navigation: executions of planners, controllers and recoveries, and the move_base logic over them.
+"""Navigation: executions of planners, controllers and recoveries, and the move_base state machine over them.
 
-Stepped, no threads.
+All of it is advanced by calls of `update(now)`; none of it starts a thread but `worker.ThreadWorker`.
 """

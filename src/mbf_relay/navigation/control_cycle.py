@@ -1,4 +1,4 @@
-"""One cycle of a controller: whether the robot has arrived, and what it is to do where it has not."""
+"""One control cycle: ask the controller whether the goal is reached and, if not, for a velocity."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from mbf_relay.planning.path import Path
 
 
 class ControlAnswer(NamedTuple):
-    """What a controller said in one cycle: that the robot has arrived, or else a velocity."""
+    """A controller's answer in one cycle: the goal is reached, or a velocity (body frame; m/s, rad/s)."""
 
     arrived: bool
     velocity: Twist2D = STOP
@@ -22,17 +22,17 @@ def run_cycle(
     controller: Controller, state: ControlState, path: Optional[Path], is_new_goal: bool,
     tolerance: Optional[GoalTolerance],
 ) -> ControlAnswer:
-    """Ask a controller; on the worker.
+    """Run one cycle of a controller; called on the worker.
 
-    A robot whose commands come late has arrived only where it also is, not where it is expected: how late they come is
-    what it did before, and may be over.
+    With delayed commands `state.pose` is a prediction. The goal counts as reached only if it is reached by the
+    predicted and by the present pose: the delay is an estimate from past motion and may no longer hold.
 
     Args:
         controller: The controller.
-        state: What it is told.
-        path: Given to it first, where there is a new one.
-        is_new_goal: Whether that leads to another goal.
-        tolerance: Of the goal, in place of the controller's own.
+        state: Its input.
+        path: New path, set before anything else; None to go on along the present one.
+        is_new_goal: Whether the new path leads to another goal.
+        tolerance: The goal's own tolerance, used instead of the controller's; None for the controller's.
     """
     if path is not None:
         controller.set_path(path, is_new_goal)

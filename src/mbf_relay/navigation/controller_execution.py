@@ -1,4 +1,4 @@
-"""A drive along a path: control cycles, retries, patience, what to do when blind, and a zero velocity at its end."""
+"""Execution of exe_path: control cycles, retries, patience, stale sensors or poses, and a zero velocity at the end."""
 
 from __future__ import annotations
 
@@ -27,19 +27,20 @@ from mbf_relay.planning.path import Path
 from mbf_relay.timing import Pacer, Stopwatch
 
 ZONE = "zone"
-"""Source under which a controller is given the speed limits of the costmaps' zones; see Controller.limit_speed."""
+"""Name of the source of the costmaps' speed limit zones; see Controller.limit_speed."""
 PAUSED = "paused"
 """Message of the feedback while the robot is paused."""
 BUSY_DELAY = 0.01
-"""Seconds between two looks at a controller that is still in a call of an ended drive."""
+"""Seconds between two checks of a controller that is still busy with a call of an ended drive."""
 FINAL = frozenset((
     ControlOutcome.INVALID_PATH, ControlOutcome.ROBOT_STUCK, ControlOutcome.BLOCKED_GOAL, ControlOutcome.MISSED_PATH,
 ))
-"""What another try with the same path cannot change; controllers say it after a patience of their own."""
+"""Outcomes that are not retried, since the same path would fail again; controllers wait by themselves before them."""
 
 
 class ControlView(NamedTuple):
-    """What one cycle saw: the controller's state and the robot's pose and the goal in the reported frame."""
+    """A cycle's input in the costmap's frame, the pose in the global one, and what is left to the path's end (m, rad).
+    """
 
     state: ControlState
     pose: FramedPose
@@ -48,21 +49,21 @@ class ControlView(NamedTuple):
 
 
 class ControllerExecution:
-    """Drives one path after the other with one controller; advanced by `update` until its task is done.
+    """Drives along one path after the other with one controller; advanced by `update` until its task is done.
 
-    Each cycle's thinking runs on the worker. Behaviour as mbf_abstract_nav's AbstractControllerExecution and
-    ControllerAction, with these races gone: velocities go out in `update` alone, right after a look at the cancel
-    request, and whatever ends a drive sends a zero velocity before the task ends.
+    The controller is called on the worker. Behaviour as mbf_abstract_nav's AbstractControllerExecution and
+    ControllerAction, but velocities are sent in `update` only, right after the cancel request was checked, and a zero
+    velocity is sent before the task ends.
 
     Args:
         instance: The controller.
-        robot: Where it is and how to move it.
-        costmap: What the robot sees around it; asked for `stale_reason(now)` and `snapshot()`.
-        parameters: Called for the values in force.
-        zone_limit: Gives how fast the robot may go where it stands.
+        robot: Gives poses and odometry, and takes velocities.
+        costmap: The controller's costmap; `stale_reason(now)` and `snapshot()` are used.
+        parameters: Returns the present parameters.
+        zone_limit: Returns the speed limit at the robot's place.
 
     Attributes:
-        watch_oscillation: False where the owner judges oscillation over several drives.
+        watch_oscillation: Whether to check for oscillation here; False if move_base does, over several drives.
     """
 
     def __init__(
@@ -80,7 +81,7 @@ class ControllerExecution:
         self._job: Optional[Job] = None
         self._job_task = self.task
         self._view: Optional[ControlView] = None
-        self._command = robot.commanded or STOP  # another controller's, where this one takes over in motion
+        self._command = robot.commanded or STOP  # may be another controller's, if this one takes over a moving robot
         self._pacer = Pacer()
         self._since_start, self._since_valid, self._since_call, self._since_pose = (Stopwatch() for _ in range(4))
         self._retries = 0
@@ -89,7 +90,7 @@ class ControllerExecution:
 
     @property
     def goal(self) -> Optional[FollowGoal]:
-        """What it is driving along."""
+        """The goal driven at present, None before the first."""
         return self._goal
 
     @property
@@ -98,10 +99,10 @@ class ControllerExecution:
         return math.inf if self.task.done else self._pacer.next
 
     def follow(self, goal: FollowGoal, task: Task[FollowResult]) -> None:
-        """Drive along another path from the next cycle on, without a stop; the running task ends as replaced.
+        """Drive along another path from the next cycle on, without a stop; the running task ends CANCELED.
 
-        The first path to a goal is begun at once; a newer one to the same goal waits for its turn, or a robot that
-        plans at 5 Hz would control at 15 instead of 10.
+        A path to a new goal makes a cycle due at once. One to the same goal waits for the next regular cycle, or
+        replanning at 5 Hz would raise the control rate from 10 to 15 Hz.
         """
         if self._goal is not None:
             self._end(Ending.CANCELED, ControlOutcome.CANCELED, "Goal preempted by a new plan", stop=False)
@@ -118,14 +119,14 @@ class ControllerExecution:
             self._retries, self._since_start, self._since_valid = 0, Stopwatch(), Stopwatch()
 
     def replaced(self) -> None:
-        """End because another goal takes over at once; the robot is stopped only where the user wants that."""
+        """End because another goal takes over at once; the robot is stopped only with force_stop_on_cancel."""
         self._end(
             Ending.CANCELED, ControlOutcome.CANCELED, "Goal preempted by a new goal",
             stop=self._parameters().force_stop_on_cancel,
         )
 
     def update(self, now: float) -> None:
-        """Look at what came of the last cycle, command it, and begin the next one when it is time."""
+        """Send the velocity of the last cycle, if it is ready, and begin the next cycle when it is due."""
         if self.task.done:
             return
         if not self._since_start.running:
@@ -142,9 +143,9 @@ class ControllerExecution:
             self._begin(now)
 
     def _stand_by(self, now: float) -> None:
-        """Stand and let no time count while the robot is paused."""
-        self._job_task = Task()  # no drive's: the answer of a cycle that is under way is dropped, see _collect
-        if self._command != STOP:  # once: somebody may drive it by hand meanwhile
+        """Stop the robot and restart all timeouts while it is paused."""
+        self._job_task = Task()  # matches no drive, so that _collect drops the answer of a running cycle
+        if self._command != STOP:  # send zero once only: somebody may drive it by hand meanwhile
             self._send(STOP)
         for watch in (self._since_start, self._since_valid, self._since_call):
             watch.start(now)
@@ -218,10 +219,7 @@ class ControllerExecution:
         )
 
     def _fixed_path(self, global_frame: str) -> Path:
-        """Return the path, in the global frame from its first cycle on where it came in neither this nor the costmap's.
-
-        Seen from a frame that moves with the robot it runs ahead, as a goal does.
-        """
+        """Return the path; transform one in a frame that may move with the robot to the global frame, once."""
         assert self._goal is not None
         path = self._goal.path
         if path.frame not in (self._costmap.frame, global_frame):
@@ -231,7 +229,7 @@ class ControllerExecution:
         return path
 
     def _watch(self, now: float, job: Job) -> None:
-        """Collect the running cycle, or see to it that the robot does not drive on while its controller hangs."""
+        """Collect the running cycle if it is done; else stop the robot when it takes too long, or end the drive."""
         if job.done:
             self._collect(now)
             return
@@ -250,7 +248,7 @@ class ControllerExecution:
     def _collect(self, now: float) -> None:
         job, self._job = self._job, None
         assert job is not None
-        if self._job_task is not self.task:  # the path was replaced meanwhile; the new one is due at once
+        if self._job_task is not self.task:  # the path was replaced meanwhile: begin its first cycle at once
             self._pacer.hasten()
             return
         try:
@@ -261,7 +259,7 @@ class ControllerExecution:
                 self._end(Ending.ABORTED, error.outcome, error.message)
             else:
                 self._fail(now, error.outcome, error.message)
-        except Exception as error:  # a plugin may raise anything, and the server lives on
+        except Exception as error:  # a plugin may raise anything; that ends the goal, not the server
             message = f"controller '{self.instance.name}' failed with {self.instance.failure_text(error)}"
             self._end(Ending.ABORTED, ControlOutcome.INTERNAL_ERROR, message)
         else:
@@ -277,7 +275,7 @@ class ControllerExecution:
                 self._drive(now, velocity)
 
     def _arrived(self) -> bool:
-        """Judge arrival ourselves where the user wants that."""
+        """Return whether the goal is reached by the server's own tolerances, with mbf_tolerance_check."""
         parameters = self._parameters()
         if not parameters.mbf_tolerance_check:
             return False
@@ -287,7 +285,7 @@ class ControllerExecution:
 
     def _drive(self, now: float, velocity: Twist2D) -> None:
         parameters = self._parameters()
-        if self.task.cancel_requested:  # it may have come while the controller was thinking
+        if self.task.cancel_requested:  # it may have come while the controller computed
             self._end(Ending.CANCELED, ControlOutcome.CANCELED, "Controller canceled")
             return
         assert self._view is not None
@@ -308,7 +306,7 @@ class ControllerExecution:
         self._report(ControlOutcome.SUCCESS, "")
 
     def _at_the_machines_pace(self, now: float, velocity: Twist2D) -> Twist2D:
-        """Return a velocity along the same arc, slower where cycles take so long that some are about to be missed."""
+        """Return the velocity, scaled down along the same arc where cycles take too much of the period (CycleLoad)."""
         period, thinking = 1.0 / self._parameters().controller_frequency, self._since_call.elapsed(now)
         if self._load.note(thinking, period):
             warnings.warn(
@@ -321,7 +319,7 @@ class ControllerExecution:
     # cycles without a velocity
 
     def _blind(self, now: float, error: TransformError) -> None:
-        """Stand without a pose, for a while."""
+        """Stop while the robot's pose is unknown; end the drive after control_tf_timeout."""
         if not self._since_pose.running:
             self._since_pose.start(now)
         patience, name = self._parameters().control_tf_timeout
@@ -332,7 +330,7 @@ class ControllerExecution:
             self._end(Ending.ABORTED, ControlOutcome.TF_ERROR, text)
 
     def _no_command(self, now: float, outcome: ControlOutcome, message: str) -> None:
-        """Stand because the controller cannot be asked; that is no failed try of its own."""
+        """Stop because the controller cannot be called; patience counts, but no retry."""
         if self._patience_exceeded(now):
             self._run_out_of_patience(outcome, message)
         else:
@@ -370,7 +368,7 @@ class ControllerExecution:
 
     def _send(self, velocity: Twist2D) -> None:
         if velocity == STOP:
-            self._ignored = IgnoredCommands()  # nothing is ignored that was not told
+            self._ignored = IgnoredCommands()  # begin anew: a robot that stands as commanded ignores nothing
         self._command, self._robot.waits_for = velocity, ""
         self._robot.command(velocity)
 

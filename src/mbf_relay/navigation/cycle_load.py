@@ -1,4 +1,4 @@
-"""How long control cycles take and how often they come, and how fast a robot may drive for it."""
+"""Computing time and rate of control cycles, and the speed they allow."""
 
 from __future__ import annotations
 
@@ -7,20 +7,21 @@ import math
 from typing import Deque
 
 SPARE = 0.7
-"""Share of the control period a controller may think for without being too slow; sensors, plans and clients have the
-rest."""
+"""Share of the control period that a controller may compute for; the rest is left to sensors, planning and clients."""
 WEIGHT = 0.2
-"""Of the newest cycle in the mean: one hiccup of the machine slows nobody."""
+"""Weight of the newest cycle in the exponential moving average: a single slow cycle changes little."""
 MOST = 10.0
-"""Periods a cycle counts for at most."""
+"""Largest number of periods that one cycle counts for."""
 
 
 class CycleLoad:
-    """The mean share of the control period that controllers think for.
+    """Moving average of computing time divided by the control period.
 
-    A velocity answers what was seen when its cycle began; until it is out, the robot drives on by the one before. So
-    that it does not drive farther unseeing than it would with a controller that is just quick enough, it drives slower
-    by as much as the controller is slower.
+    A velocity is computed from the sensor data at the beginning of its cycle; until it is sent, the robot drives by the
+    one before. Beyond SPARE speed is reduced in proportion, so that the distance driven on old data does not grow.
+
+    Attributes:
+        share: The average; 1.0 is a whole period.
     """
 
     def __init__(self) -> None:
@@ -28,7 +29,7 @@ class CycleLoad:
         self._is_too_much = False
 
     def note(self, thinking: float, period: float) -> bool:
-        """Take another cycle's time (s) and its period (s); return whether it has become too much just now."""
+        """Take a cycle's computing time (s) and period (s); return whether the load has just become too high."""
         self.share += WEIGHT * (min(thinking / period, MOST) - self.share)
         was_too_much = self._is_too_much
         self._is_too_much = self.share > (0.5 * SPARE if was_too_much else SPARE)
@@ -36,15 +37,15 @@ class CycleLoad:
 
     @property
     def speed_factor(self) -> float:
-        """Share of the speed it was asked for that a robot may drive."""
+        """Factor (0 to 1) on the controller's velocity."""
         return min(1.0, SPARE / self.share) if self.share > 0.0 else 1.0
 
 
 class CyclePeriod:
-    """How long a velocity is driven by: the control period, or several where cycles come so much more seldom.
+    """The actual time between control cycles, as a multiple of the control period.
 
-    They do on a clock that ticks more slowly than that, as Stage's, whose 10 Hz are half of what most files ask for. A
-    controller that reckons with the shorter time then speeds up and brakes half as hard, and a cycle too late.
+    It is longer than the period where the clock ticks more slowly: Stage's simulated time advances at 10 Hz, while most
+    files ask for 20 Hz. With the nominal period, a controller would accelerate and brake half as hard as it may.
     """
 
     def __init__(self) -> None:
@@ -52,9 +53,9 @@ class CyclePeriod:
         self._passed: Deque[float] = collections.deque([1.0], maxlen=3)
 
     def note(self, now: float, period: float) -> float:
-        """Take a cycle at `now` (s) and the period asked for (s); return the period kept, a multiple of that."""
+        """Take a cycle's time (s) and the nominal period (s); return the actual one (s), a multiple of it."""
         passed, self._last = (now - self._last) / period, now
-        if 0.0 < passed < MOST:  # else a drive began, or the clock was set
+        if 0.0 < passed < MOST:  # otherwise a drive has just begun, or the clock was set
             self._passed.append(passed)
         middle = sorted(self._passed)[(len(self._passed) - 1) // 2]
         return max(1, round(middle)) * period

@@ -1,4 +1,4 @@
-"""What becomes of a parameter file, told before anything is driven: what is used, clamped, stood in for and ignored."""
+"""Check of a parameter file without running it: what is used, clamped, replaced by a stand-in, ignored or refused."""
 
 from __future__ import annotations
 
@@ -21,31 +21,32 @@ from mbf_relay.plugins import PluginError, StandInNote, create, find_class
 USED, STOOD_IN, CLAMPED, IGNORED, DOUBTFUL, REFUSED = KINDS = (
     "used", "stood in for", "changed", "ignored", "doubtful", "refused"
 )
-"""What can be said of a parameter or a plugin. What is refused keeps the server, or a part of it, from starting."""
+"""Kinds of findings about a parameter or a plugin. REFUSED ones keep the server, or a part of it, from starting."""
 
 PARAMETER = re.compile(r"\bparameter ([A-Za-z_]\w*)")
-"""Where messages of parameters name the one they are about."""
+"""Finds the name of the parameter in a message."""
 QUOTED = re.compile(r"'([^']+)'")
-"""Names of layers and sources in them."""
+"""Finds names of layers and sources in a message."""
 NOTHING: Dict[str, Any] = {}
+"""Default of an optional group; never changed."""
 SHORTEST_NAME = 4
-"""Letters of a name that is known again in a longer one."""
+"""Shortest group name (characters) that is looked for as a part of plugins' names."""
 
 SIDES = ("global_costmap", "local_costmap")
 READ_BY_THE_NODE = (
     *(plugins.kind for plugins in PLUGIN_LISTS), "planner_lock_costmap", "controller_lock_costmap", "restore_defaults",
     *SEARCHED_NAMES,
 )
-"""Parameters of the server's own namespace that are no NavigatorParameters."""
+"""Parameters in the server's namespace that are read elsewhere than by NavigatorParameters."""
 
 
 class Finding(NamedTuple):
-    """One thing there is to say.
+    """One finding.
 
     Attributes:
         kind: One of KINDS.
-        name: The parameter or plugin it is about, below the node, its parts joined by slashes; empty for the whole.
-        text: For people.
+        name: The parameter or plugin, relative to the node, parts joined by slashes; empty for the node itself.
+        text: Explanation for the user.
     """
 
     kind: str
@@ -55,11 +56,11 @@ class Finding(NamedTuple):
 
 @dataclass
 class Examination:
-    """What was found, and the server's parameters made of the file.
+    """The findings, and the node's parameters made from the file.
 
     Attributes:
-        findings: In the order of the file's groups.
-        config: The server's parameters.
+        findings: In the order they were found.
+        config: The parameters; for a node move_base, those of the server that stands in for it.
     """
 
     findings: List[Finding] = field(default_factory=list)
@@ -75,11 +76,11 @@ class Examination:
 
 
 def examine_move_base(namespace: Mapping[str, Any], known_elsewhere: Iterable[str] = ()) -> Examination:
-    """Tell what becomes of the parameters of a node move_base.
+    """Examine the parameters of a node move_base.
 
     Args:
-        namespace: What stands under it.
-        known_elsewhere: Further names that somebody else reads there.
+        namespace: The parameters in its private namespace.
+        known_elsewhere: Names in it that other code reads.
     """
     found = Examination()
     elsewhere = {*OTHER_MOVE_BASE_NAMES, *NavigatorParameters.names(), *READ_BY_THE_NODE, *known_elsewhere}
@@ -97,7 +98,7 @@ def examine_move_base(namespace: Mapping[str, Any], known_elsewhere: Iterable[st
 
 
 def examine_server(namespace: Mapping[str, Any]) -> Examination:
-    """Tell what becomes of the parameters of a Move Base Flex server."""
+    """Examine the parameters of a Move Base Flex server."""
     found = Examination(config=dict(namespace))
     for name in NavigatorParameters.unknown_names(namespace):
         if name not in READ_BY_THE_NODE and not isinstance(namespace[name], Mapping):  # see stray_groups
@@ -109,12 +110,12 @@ def examine_server(namespace: Mapping[str, Any]) -> Examination:
 def examine_set(
     kind: Type[ParameterSet], namespace: Mapping[str, Any], known_elsewhere: Iterable[str] = ()
 ) -> Examination:
-    """Tell what becomes of the parameters of a node all of which are of one kind.
+    """Examine the parameters of a node that has a single parameter set.
 
     Args:
-        kind: That.
-        namespace: What stands under the node.
-        known_elsewhere: Further names that it reads.
+        kind: The parameter set's class.
+        namespace: The parameters in the node's private namespace.
+        known_elsewhere: Names that the node reads besides.
     """
     found = Examination(config=dict(namespace))
     known = {name for name in namespace if name not in kind.unknown_names(namespace)}
@@ -132,7 +133,7 @@ def examine_set(
 
 
 def _examine(found: Examination) -> None:
-    """Look at everything below the node's own parameters."""
+    """Examine a server's own parameters, costmaps, plugins, stray groups, and values that can hardly be meant."""
     _read(found, "", NavigatorParameters, found.config, None)
     for side in SIDES:
         _examine_costmap(found, side)
@@ -166,7 +167,7 @@ def _examine_costmap(found: Examination, side: str) -> None:
 
 
 def _examine_plugins(found: Examination, listed: PluginList[Any]) -> List[str]:
-    """Make every plugin of a list once; return their names."""
+    """Make every plugin of a list once, note what becomes of its parameters, and return the plugins' names."""
     try:
         entries = entries_of(listed.kind, found.config.get(listed.kind, []), listed.costmap)
     except PluginError as error:
@@ -195,7 +196,7 @@ def _examine_plugins(found: Examination, listed: PluginList[Any]) -> List[str]:
 
 
 def stray_groups(config: Mapping[str, Any], plugins: Iterable[str]) -> Dict[str, str]:
-    """Return the groups under a name that no plugin has, each with a hint: a misspelt name leaves all at defaults.
+    """Return the groups whose name no plugin has, each with a hint: under a misspelt name all values are ignored.
 
     Args:
         config: The node's parameters.
@@ -210,9 +211,9 @@ def stray_groups(config: Mapping[str, Any], plugins: Iterable[str]) -> Dict[str,
 
 
 def names_a_plugin(group: str) -> bool:
-    """Return whether a group is called as a plugin of ours is, in full or but for its ends: PurePursuit, say.
+    """Return whether a group's name is that of a plugin of this package, or a part of one, such as PurePursuit.
 
-    Files have parameters for more controllers than the one that is chosen.
+    Such groups need no warning: files often have parameters for more controllers than the one in use.
     """
     others = (name.rpartition("/")[2] for listed in PLUGIN_LISTS for name in listed.known)
     return len(group) >= SHORTEST_NAME and any(group in other for other in others)
@@ -221,14 +222,14 @@ def names_a_plugin(group: str) -> bool:
 def _read(
     found: Examination, where: str, kind: Type[Any], values: Mapping[str, Any], elsewhere: Any
 ) -> Any:
-    """Return the parameters of a kind made of `values`, None where they are refused.
+    """Return a parameter set made from a group's values, None where they are refused.
 
     Args:
-        found: Takes what there is to say.
-        where: The group's name.
-        kind: A ParameterSet.
+        found: Takes the findings.
+        where: The group's name, empty for the node's own parameters.
+        kind: The parameter set's class.
         values: The group.
-        elsewhere: Names that somebody else reads; None to leave unknown names alone.
+        elsewhere: Names that other code reads; None to report no unknown names.
     """
     prefix = f"{where}/" if where else ""
     if elsewhere is not None:
@@ -256,12 +257,12 @@ def _kind_of(note: str) -> str:
 
 
 def _named_in(note: str, where: str, group: Mapping[str, Any] = NOTHING) -> str:
-    """Return the name of the parameter that a note is about, below `where`.
+    """Return the full name of the parameter that a note is about.
 
     Args:
-        note: What is said of it.
+        note: The message.
         where: Name of the group that is examined.
-        group: What stands there: in the groups that the note names, a layer's and a source's, the parameter may be.
+        group: Its values; the parameter may be in the subgroup of a layer or a source that the note names.
     """
     named = PARAMETER.search(note)
     if named is None:
@@ -271,7 +272,7 @@ def _named_in(note: str, where: str, group: Mapping[str, Any] = NOTHING) -> str:
 
 
 def _path_to(name: str, group: Mapping[str, Any], through: Sequence[str]) -> str:
-    """Return where a parameter stands in a group or in those below it of some names, its parts joined by slashes."""
+    """Return a parameter's name relative to `group`, with the subgroups of the names `through` searched; else empty."""
     if name in group:
         return name
     for part in through:
@@ -283,6 +284,6 @@ def _path_to(name: str, group: Mapping[str, Any], through: Sequence[str]) -> str
 
 
 def _note_unknown(found: Examination, name: str, kind: Type[ParameterSet]) -> None:
-    if name.rpartition("/")[2] == "restore_defaults":  # dynamic_reconfigure's button, which it leaves there
+    if name.rpartition("/")[2] == "restore_defaults":  # set by dynamic_reconfigure itself, for rqt's button
         return
     found.add(IGNORED, name, "is not known here" + kind.hint(name.rpartition("/")[2]))

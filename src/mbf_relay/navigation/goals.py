@@ -1,4 +1,4 @@
-"""What can be asked of navigation and what it answers: the four actions' goals, feedback and results."""
+"""Goals, feedback and results of the four actions get_path, exe_path, recovery and move_base, without ROS types."""
 
 from __future__ import annotations
 
@@ -23,15 +23,15 @@ class FramedPose(NamedTuple):
 
 @dataclass(frozen=True)
 class PlanGoal:
-    """Find a path.
+    """Goal of get_path: find a path.
 
     Attributes:
-        target: Where to.
-        start: Where from; the robot's pose where None.
-        tolerance: Distance (m) by which the target may be missed.
-        planner: Name of the planner; the first one where empty.
-        slot: Goals in one slot replace each other.
-        tolls: What to go round where that is worth it, in the global frame.
+        target: Goal pose.
+        start: Start pose; None for the robot's pose.
+        tolerance: Largest distance (m) from the path's end to the target.
+        planner: Name of the planner; empty for the first.
+        slot: Concurrency slot; a new goal in a slot replaces the running one.
+        tolls: Places to avoid where the detour is short enough, in the global frame.
     """
 
     target: FramedPose
@@ -44,9 +44,14 @@ class PlanGoal:
 
 @dataclass(frozen=True)
 class PlanResult:
-    """A path, or why there is none; `path` is None unless `outcome` is SUCCESS.
+    """Result of get_path.
 
-    `cause` is what had failed last where patience was over, None where the planner had not returned.
+    Attributes:
+        outcome: SUCCESS, or why there is no path.
+        message: Explanation for the user.
+        path: The path in the global frame, None unless `outcome` is SUCCESS.
+        cost: The planner's cost, or the length (m) where the planner gives none.
+        cause: With PAT_EXCEEDED, the outcome of the last failed try; None if the planner has not returned.
     """
 
     outcome: PlanOutcome
@@ -58,14 +63,14 @@ class PlanResult:
 
 @dataclass(frozen=True)
 class FollowGoal:
-    """Drive along a path.
+    """Goal of exe_path: drive along a path.
 
     Attributes:
         path: The path.
-        controller: Name of the controller; the first one where empty.
-        slot: Goals in one slot replace each other.
-        tolerance: When to call it arrived; the controller's own judgement where None, and where a part of it is 0.
-        same_goal: The path leads where the replaced one did; found out by comparing their ends where None.
+        controller: Name of the controller; empty for the first.
+        slot: Concurrency slot; a new goal in a slot replaces the running one.
+        tolerance: Goal tolerance; None, or 0 for one of its parts, for the controller's own.
+        same_goal: Whether the path leads to the same goal as the one it replaces; None to compare their ends.
     """
 
     path: Path
@@ -77,16 +82,16 @@ class FollowGoal:
 
 @dataclass(frozen=True)
 class FollowFeedback:
-    """One control cycle.
+    """Feedback on one control cycle.
 
     Attributes:
         outcome: SUCCESS with a velocity, otherwise why there was none.
-        message: What a person should know of it.
-        pose: The robot.
-        velocity: What was commanded last.
-        distance, angle: What is left (m, rad) to the path's last pose.
-        late: Seconds by which the robot does late what it is told, 0.0 where that is little or not known.
-        refused: Whether the controller found no velocity; False also where it could not be asked.
+        message: Explanation for the user, empty if all is well.
+        pose: The robot's pose in the global frame, None before the first.
+        velocity: The last command (body frame; m/s, rad/s).
+        distance, angle: To the path's last pose (m, rad); infinite where not known.
+        late: Delay (s) of the robot's reaction to commands, 0.0 where it is small or not known.
+        refused: Whether the controller was called and found no velocity.
     """
 
     outcome: ControlOutcome
@@ -100,15 +105,19 @@ class FollowFeedback:
 
     @property
     def is_unasked(self) -> bool:
-        """Whether the controller could not be asked, as without a pose; the robot stood."""
+        """Whether the controller was not called, as without a pose; the robot is then stopped."""
         return self.outcome is not ControlOutcome.SUCCESS and not self.refused
 
 
 @dataclass(frozen=True)
 class FollowResult:
-    """How a drive ended; pose, distance (m) and angle (rad) as the last cycle saw them.
+    """Result of exe_path.
 
-    `cause` is what had failed last where patience was over, None where the controller had not returned.
+    Attributes:
+        outcome: SUCCESS, or why the drive ended.
+        message: Explanation for the user.
+        pose, distance, angle: As in FollowFeedback, at the last cycle.
+        cause: With PAT_EXCEEDED, the outcome of the last failed cycle; None if the controller has not returned.
     """
 
     outcome: ControlOutcome
@@ -121,7 +130,7 @@ class FollowResult:
 
 @dataclass(frozen=True)
 class RecoverGoal:
-    """Run a recovery behaviour; the first one where `behavior` is empty."""
+    """Goal of recovery: run the behaviour of that name; empty for the first."""
 
     behavior: str = ""
     slot: int = 0
@@ -129,7 +138,7 @@ class RecoverGoal:
 
 @dataclass(frozen=True)
 class RecoverResult:
-    """How a recovery behaviour ended."""
+    """Result of recovery, with the name of the behaviour that ran."""
 
     outcome: RecoveryOutcome
     message: str
@@ -137,7 +146,7 @@ class RecoverResult:
 
 
 class NavigateOutcome(Enum):
-    """What move_base itself ends with; what its parts end with, it passes on as theirs."""
+    """Outcomes of move_base itself; a failed plan or drive keeps its PlanOutcome or ControlOutcome."""
 
     SUCCESS = "SUCCESS"
     FAILURE = "FAILURE"
@@ -153,13 +162,13 @@ class NavigateOutcome(Enum):
 
 @dataclass(frozen=True)
 class NavigateGoal:
-    """Go somewhere, with planning, driving and recovering.
+    """Goal of move_base: plan, drive, and recover where that fails.
 
     Attributes:
-        target: Where to.
-        planner, controller: Names; the first ones where empty.
-        recovery_behaviors: Names in the order to try; all loaded ones where empty.
-        tolerance: Distance (m) by which a target that cannot be reached, or is no room for the robot, may be missed.
+        target: Goal pose.
+        planner, controller: Names of plugins; empty for the first of each list.
+        recovery_behaviors: Names in the order to try; empty for all that are loaded.
+        tolerance: Largest distance (m) from the path's end to a target that is blocked or cannot be reached.
     """
 
     target: FramedPose
@@ -171,7 +180,14 @@ class NavigateGoal:
 
 @dataclass(frozen=True)
 class NavigateResult:
-    """How it ended; `outcome` is a NavigateOutcome, or the outcome of the part that failed."""
+    """Result of move_base.
+
+    Attributes:
+        outcome: A NavigateOutcome, or the PlanOutcome or ControlOutcome of what failed.
+        message: Explanation for the user.
+        pose: The robot's last known pose, None where there is none.
+        distance, angle: From there to the target (m, rad).
+    """
 
     outcome: Enum
     message: str

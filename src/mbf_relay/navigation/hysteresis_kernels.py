@@ -1,5 +1,5 @@
 # mypy: allow-untyped-defs, allow-untyped-calls
-"""Compiled comparison of two paths."""
+"""Compiled kernels that compare two paths; see path_hysteresis."""
 
 from __future__ import annotations
 
@@ -12,19 +12,19 @@ from mbf_relay.kernels import kernel
 
 @kernel("int64(float64[::1], float64, float64)")
 def _count(arcs, length, spacing):
-    """Return how many points `_spread` makes."""
+    """Return the number of points that `_spread` fills: of the first `length` (m), about `spacing` (m) apart."""
     return max(2, int(math.ceil(min(length, arcs[-1]) / spacing)) + 1)
 
 
 @kernel("void(float64[:,::1], float64[::1], float64, float64[:,::1])")
 def _spread(path, arcs, length, points):
-    """Lay points along a path's first `length` (m), as far apart as each other.
+    """Sample a path's first `length` (m) at equal distances.
 
     Args:
-        path: Shape (N, 3).
-        arcs: Way (m) to each of its poses, shape (N,).
-        length: See above.
-        points: Shape (K, 2), filled.
+        path: Poses, shape (N, 3).
+        arcs: Arc length (m) to each pose, shape (N,).
+        length: Metres from the path's beginning.
+        points: Output, shape (K, 2).
     """
     end = min(length, arcs[-1])
     count = points.shape[0]
@@ -46,7 +46,7 @@ def _spread(path, arcs, length, points):
 def _stay_near(points, others, width):
     """Return whether each of some points, (K, 2), has one of the others, (L, 2), within `width` (m)."""
     squared = width * width
-    near = 0  # paths lead along each other: the one found last is most often near the next point too
+    near = 0  # start at the last match: along two similar paths the next point is usually close to it
     for n in range(points.shape[0]):
         found = False
         for offset in range(others.shape[0]):
@@ -72,16 +72,16 @@ def _begins_near(path, arcs, other, other_arcs, ahead, spacing, width):
 
 @kernel("boolean(float64[:,::1], float64[::1], float64[:,::1], float64[::1], float64, float64, float64)")
 def is_same_way(old, old_arcs, new, new_arcs, ahead, spacing, width):
-    """Return whether two paths stay nearer to each other than `width` (m).
+    """Return whether two paths stay within `width` (m) of each other.
 
-    Each one's beginning is compared with twice as much of the other.
+    The first `ahead` metres of each must lie within `width` of the first 2 `ahead` metres of the other.
 
     Args:
         old, new: Poses, shape (N, 3) and (M, 3).
-        old_arcs, new_arcs: Way (m) to each of them, shape (N,) and (M,).
-        ahead: How much (m) of them is compared.
-        spacing: Metres between the points compared.
-        width: Metres.
+        old_arcs, new_arcs: Arc length (m) to each pose, shape (N,) and (M,).
+        ahead: Length (m) that is compared.
+        spacing: Distance (m) between compared points.
+        width: Largest distance (m).
     """
     return _begins_near(old, old_arcs, new, new_arcs, ahead, spacing, width) and _begins_near(
         new, new_arcs, old, old_arcs, ahead, spacing, width)

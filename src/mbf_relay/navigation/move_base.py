@@ -1,4 +1,4 @@
-"""move_base: plan, drive, recover, and all over again, until the robot is there or nothing is left to try."""
+"""The move_base state machine: plan, drive, recover and plan again, until the goal is reached or all was tried."""
 
 from __future__ import annotations
 
@@ -39,24 +39,24 @@ from mbf_relay.recovery.recovery import Recovery
 from mbf_relay.timing import Pacer, Stopwatch
 
 NO_REPLAN_WITHIN = 0.1
-"""Metres to the goal below which the path stays as it is."""
+"""Distance (m) to the goal below which it does not replan."""
 
 
 RecoveryWatcher = Callable[[str, int, int, Optional[FramedPose], str], None]
-"""Told of each recovery that begins: its behaviour, its place in the list (from 0), the list's length, the robot, why.
+"""Called when a recovery begins: with its behaviour, index in the list, length of the list, robot's pose and reason.
 """
 
 
+
 class NavigationParts(Protocol):
-    """What move_base makes use of: the navigator, or a stand-in.
+    """What move_base uses of the Navigator.
 
     Attributes:
-        parameters: Of all actions.
-        robot: Where it is.
+        parameters: The server's.
+        robot: Gives poses and takes velocities.
         costmaps: "global" and "local".
-        planners, controllers: What finds and follows paths; the first of each is the default.
-        recoveries: The behaviours that may be run.
-        recovery_watcher: Told of each recovery that begins.
+        planners, controllers, recoveries: The plugins; the first planner and controller are the defaults.
+        recovery_watcher: Called when a recovery begins.
     """
 
     parameters: NavigatorParameters
@@ -70,13 +70,13 @@ class NavigationParts(Protocol):
     def new_plan(
         self, goal: PlanGoal, retry: bool = True, *, pathless: Optional[Stopwatch] = None
     ) -> PlannerExecution:
-        """Return an execution of `goal` that takes nobody's slot."""
+        """Return an execution of `goal` outside of the concurrency slots."""
 
     def new_recovery(self, goal: RecoverGoal, controller: str = "") -> RecoveryExecution:
-        """Return an execution of `goal` that takes nobody's slot."""
+        """Return an execution of `goal` outside of the concurrency slots."""
 
     def exe_path(self, goal: FollowGoal, owner: Optional[Task[Any]] = None) -> Task[FollowResult]:
-        """Drive along a path, for a goal."""
+        """Drive along a path as part of the task `owner`."""
 
     def update_drive(self, now: float) -> None:
         """Advance the drive of slot 0 alone."""
@@ -86,16 +86,16 @@ class MoveBase:
     """One move_base goal; advanced by `update` until its task is done.
 
     Behaviour as mbf_abstract_nav's MoveBaseAction: it plans, drives in slot 0 of exe_path, replans at planner_frequency
-    while driving, and after a failure runs the next recovery behaviour and plans again. It deviates in two things: what
-    no behaviour can change ends the goal at once (`recovery_policy` says what and why), and the list of behaviours
-    starts over where the robot has got elsewhere, not with each path that is found (`TriedBehaviors`). While a new goal
-    is planned for the first time, the robot goes on along the path of the one it replaced.
+    while driving, and after a failure runs the next recovery behaviour and plans again. It differs in two points: a
+    failure that no behaviour can change ends the goal at once (see `recovery_policy`), and the list of behaviours
+    starts over when the robot is at another place, not with each path that is found (see `TriedBehaviors`). While the
+    first plan of a new goal is made, the robot goes on along the path of the goal it replaced.
 
     Args:
         goal: Where to go.
         navigator: Gives planners, the drive of slot 0 and recoveries.
         task: Ends with the result.
-        driving: The drive of the move_base goal this one replaces, if it still goes on.
+        driving: The drive of the replaced move_base goal, if it still goes on.
     """
 
     def __init__(
@@ -114,12 +114,12 @@ class MoveBase:
 
     @property
     def state(self) -> NavigationState:
-        """What it is at."""
+        """The present state."""
         return self._at.state
 
     @property
     def driving(self) -> Optional[Task[FollowResult]]:
-        """The drive that goes on, if any."""
+        """The running drive, None where there is none."""
         drive = self._at.drive if isinstance(self._at, (Planning, Driving)) else None
         return drive if drive is not None and not drive.done else None
 
@@ -132,7 +132,7 @@ class MoveBase:
         if isinstance(at, Recovering):
             return min(at.recovery.due, self._feedback_pacer.next)
         if isinstance(at, Driving):
-            if at.drive.done:  # in the moment since this was last updated
+            if at.drive.done:  # it ended after the last update of this
                 return -math.inf
             if at.replan is not None:
                 return at.replan.due
@@ -140,7 +140,7 @@ class MoveBase:
         return math.inf
 
     def replaced(self) -> None:
-        """End because a new goal takes over; its drive goes on until the new goal has a path."""
+        """End because a new goal takes over; the drive goes on until the new goal has a path."""
         at = self._at
         if isinstance(at, Recovering) and not at.recovery.task.done:
             at.recovery.replaced()
@@ -150,7 +150,7 @@ class MoveBase:
         self._end(Ending.CANCELED, NavigateOutcome.CANCELED, "Goal preempted by a new goal")
 
     def update(self, now: float) -> None:
-        """Advance whatever it is at."""
+        """Advance the present state."""
         self._progress.await_start(now, self._navigator.robot.paused)
         at = self._at
         if isinstance(at, Done):
@@ -169,9 +169,9 @@ class MoveBase:
             self._update_recovery(now, at)
 
     def _tell_where(self, at: Union[Planning, Recovering]) -> None:
-        """Tell of the robot's pose as often as a drive would, as move_base does whatever it is at.
+        """Give feedback with the robot's pose at the control rate, since move_base gives feedback in every state.
 
-        Also while a replaced goal's drive goes on, which reports the distance to that goal.
+        The drive of a replaced goal, which may still go on, reports the distance to that goal.
         """
         pose, distance, angle = self._where()
         if pose is not None:
@@ -190,7 +190,7 @@ class MoveBase:
             self._pathless.start(now)
         self._progress.wait(now)
         at.plan.update(now)
-        if at.plan.goal.target is not self.goal.target:  # it is fixed in the global frame now, for every plan to come
+        if at.plan.goal.target is not self.goal.target:  # transformed to the global frame, for all later plans
             self.goal = replace(self.goal, target=at.plan.goal.target)
         if at.plan.tried_in_vain:
             self._stop(now, at.drive)
@@ -268,7 +268,7 @@ class MoveBase:
             period = self._replan_period()
             if not (math.isfinite(period) and self._replan_pacer.is_due(now)):
                 return
-            self._replan_pacer.passed(now, period)  # also where nothing is to be done, or `due` would stay in the past
+            self._replan_pacer.passed(now, period)  # before any return, or `due` would stay in the past
             if self._last.distance <= NO_REPLAN_WITHIN:
                 return
             at.replan = self._new_plan(self._ways.tolls(now), retry=False)
@@ -294,22 +294,22 @@ class MoveBase:
             if self._navigator.parameters.ends_a_drive(self._ways.refused):
                 self._end(Ending.ABORTED, result.outcome, result.message)
             else:
-                self._plan_anew(now)  # what a replan lacked was not waited for
+                self._plan_anew(now)  # it waits for missing data and tries again, which the replan did not
 
     # recovering
 
     def _recover_or_end(self, outcome: Enum, message: str, cause: Optional[Enum] = None) -> None:
-        """Begin the next recovery behaviour that can change a failure; end with that where there is none."""
+        """Begin the next recovery behaviour that can change the failure; end with the failure where there is none."""
         if not self._recover(outcome, message, cause):
             self._end(Ending.ABORTED, outcome, message)
 
     def _recover(self, outcome: Enum, message: str, cause: Optional[Enum] = None) -> bool:
-        """Begin the next recovery behaviour that can change a failure; return whether there is one.
+        """Begin the next recovery behaviour that can change the failure; return whether there is one.
 
         Args:
-            outcome: How planning or driving ended.
-            message: What it said.
-            cause: What had failed again and again where it ended because patience was over.
+            outcome: Outcome of planning or driving.
+            message: Its text.
+            cause: With PAT_EXCEEDED, the outcome of the last failed try.
         """
         navigator, where = self._navigator, self._where()[0]
         index = self._next_behavior(outcome, cause, where.pose if where is not None else None)
@@ -322,7 +322,7 @@ class MoveBase:
         return True
 
     def _next_behavior(self, outcome: Enum, cause: Optional[Enum], pose: Optional[Pose2D]) -> Optional[int]:
-        """Return which of the behaviours comes next after a failure of a robot at `pose`, None where none helps."""
+        """Return the index of the next behaviour after a failure with the robot at `pose`; None where none helps."""
         navigator = self._navigator
         change = recoverable(outcome, cause)
         moves_nothing = outcome is ControlOutcome.ROBOT_STUCK and navigator.robot.unheard
@@ -336,7 +336,7 @@ class MoveBase:
         return self._tried.next(pose, progress, suits, navigator.robot.knows_its_motion)
 
     def _why(self, outcome: Enum, message: str) -> str:
-        """Return what a failure was: of which plugin, its outcome, and its own words."""
+        """Return a failure as text: the plugin, the outcome and the plugin's message."""
         goal, navigator = self.goal, self._navigator
         whose = "move_base"
         if isinstance(outcome, PlanOutcome):
@@ -384,7 +384,7 @@ class MoveBase:
 
     def _end(self, ending: Ending, outcome: Enum, message: str) -> None:
         pose, distance, angle = self._where()
-        if ending is Ending.ABORTED:  # for a fault in a behaviour is not what planning or driving failed for
+        if ending is Ending.ABORTED:  # add the exception of a behaviour, which the failure itself does not tell
             message = "; ".join(filter(None, (message, self._recovery_fault)))
         self.task.end(ending, NavigateResult(outcome, message, pose, distance, angle))
         self._at = Done()

@@ -1,4 +1,4 @@
-"""What a parameter file written for move_base asks of a Move Base Flex server."""
+"""Translation of a parameter file written for move_base to the parameters of a Move Base Flex server."""
 
 from __future__ import annotations
 
@@ -10,11 +10,13 @@ from mbf_relay.parameters import convert
 from mbf_relay.plugins import PluginError, plugin_name
 
 CONSERVATIVE, ROTATE, AGGRESSIVE = "conservative_reset", "rotate_recovery", "aggressive_reset"
+"""Names of move_base's default recovery behaviours."""
 CLEAR_TYPE, ROTATE_TYPE = "clear_costmap_recovery/ClearCostmapRecovery", "rotate_recovery/RotateRecovery"
+"""Their types."""
 
 USUAL_RADIUS = 0.46
-"""Circumscribed radius (m) that move_base takes where the file gives none; it forgets all beyond four of them at last.
-"""
+"""Circumscribed radius (m) that move_base assumes where the file gives none. Its aggressive reset clears the costmaps
+beyond four such radii from the robot."""
 
 SERVER_NAMES: Mapping[str, str] = {
     "planner_frequency": "planner_frequency",
@@ -30,29 +32,29 @@ SERVER_NAMES: Mapping[str, str] = {
 """move_base's parameters that the server has, with the server's names."""
 
 PATIENCE_AT_FIRST = 15.0
-"""Seconds that move_base waits for a velocity where no file says how long, until somebody reconfigures it: its code has
-15, and the 5 of its reconfigure server are shown and not applied before that."""
+"""move_base's controller_patience (s) where no file sets it: its code starts with 15 s, and the default 5 s of its
+dynamic_reconfigure server, though shown, is applied only once somebody changes a parameter."""
 
 PLUGIN_PARAMETERS: Mapping[str, str] = {"planners": "base_global_planner", "controllers": "base_local_planner"}
 """The server's lists of plugins, and the parameter by which move_base names the one of each that it uses."""
 
 
 def driven_by(values: Any, namespace: Mapping[str, Any]) -> Any:
-    """Return the parameters a move_base that has just started drives by, which its reconfigure server does not show.
+    """Return the parameters in force in a move_base that has just started; see PATIENCE_AT_FIRST.
 
     Args:
-        values: MoveBaseParameters, made of the namespace.
+        values: MoveBaseParameters read from the namespace.
         namespace: The node's parameters.
     """
     return values if "controller_patience" in namespace else values.replace(controller_patience=PATIENCE_AT_FIRST)
 
 
 def adapted(type_name: str, namespace: Mapping[str, Any]) -> str:
-    """Return the type of the planner behind nav_core_adapter's, which hands everything on; any other type as it is.
+    """Return the type of the plugin that a nav_core_adapter plugin wraps; any other type unchanged.
 
     Args:
-        type_name: As the file has it.
-        namespace: The node's parameters; the adapter's own group names what it adapts.
+        type_name: Type given in the file.
+        namespace: The node's parameters; `planner_name` in the adapter's group is the wrapped type.
     """
     if not type_name.replace("::", "/").startswith("nav_core_adapter/"):
         return type_name
@@ -61,7 +63,7 @@ def adapted(type_name: str, namespace: Mapping[str, Any]) -> str:
 
 
 def default_recoveries(values: Any) -> Tuple[str, ...]:
-    """Return the recoveries of a move_base whose file lists none, in order: it turns after either reset.
+    """Return move_base's default recovery behaviours in order: each of the two resets, followed by a rotation.
 
     Args:
         values: MoveBaseParameters.
@@ -71,12 +73,12 @@ def default_recoveries(values: Any) -> Tuple[str, ...]:
 
 
 def lists_recoveries(namespace: Mapping[str, Any]) -> bool:
-    """Return whether a file lists recoveries that move_base takes; with one entry wrong it takes its default ones."""
+    """Return whether a file has a valid list of recoveries; with one entry wrong move_base uses its default ones."""
     return "recovery_behaviors" in namespace and not recovery_notes(namespace)
 
 
 def recovery_notes(namespace: Mapping[str, Any]) -> List[str]:
-    """Return why the default recoveries stand in for those that a file lists, nothing where they do not."""
+    """Return why the default recoveries are used instead of those in the file; empty where the file's list is used."""
     try:
         entries_of("recovery_behaviors", namespace.get("recovery_behaviors", []), "global")
     except PluginError as error:
@@ -85,9 +87,9 @@ def recovery_notes(namespace: Mapping[str, Any]) -> List[str]:
 
 
 def server_values(values: Any) -> Dict[str, Any]:
-    """Return the server's parameters for move_base's own, MoveBaseParameters, by the server's names.
+    """Return the server's parameters for a move_base's MoveBaseParameters, by the server's names.
 
-    No patience is one try to move_base, and for a Move Base Flex server patience for ever.
+    A patience of 0 means a single try in move_base, but no limit in Move Base Flex; it becomes max_retries = 0 here.
     """
     result = {server_name: getattr(values, name) for name, server_name in SERVER_NAMES.items()}
     for kind in ("planner", "controller"):
@@ -98,22 +100,22 @@ def server_values(values: Any) -> Dict[str, Any]:
 
 
 def server_config(namespace: Mapping[str, Any], values: Any) -> Dict[str, Any]:
-    """Return the server's parameters for what stands under the node move_base.
+    """Return the server's parameters for those in the private namespace of a node move_base.
 
     Args:
-        namespace: The node's parameters as in the file: plugins' groups and costmaps with the rest.
-        values: MoveBaseParameters, made of it.
+        namespace: The node's parameters, with the groups of plugins and costmaps.
+        values: MoveBaseParameters read from it.
 
     Raises:
         ValueError: The local costmap's circumscribed_radius is no number.
     """
-    config = {"recovery_patience": 0.0, **namespace}  # move_base lets each end by itself
+    config = {"recovery_patience": 0.0, **namespace}  # move_base has no such timeout
     config.update(server_values(values))
     for kind, parameter in PLUGIN_PARAMETERS.items():
         given = getattr(values, parameter)
         type_name = adapted(given, namespace)
         if type_name != given:
-            config.pop(plugin_name(given))  # all that an adapter reads has been read
+            config.pop(plugin_name(given))  # the adapter's group has only `planner_name`, which was read
         config[kind] = [{"name": plugin_name(type_name), "type": type_name}]
     costmap = _group(namespace, "global_costmap")
     config["global_frame"] = str(costmap.get("global_frame", "map"))

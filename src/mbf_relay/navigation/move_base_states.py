@@ -1,4 +1,4 @@
-"""What a move_base goal can be at: one state at a time, each with what it alone has."""
+"""States of a move_base goal, each with the executions and tasks that exist only in it."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from mbf_relay.planning.path import Path
 
 
 class NavigationState(Enum):
-    """What a move_base goal is at."""
+    """State of a move_base goal; the value is the text in its feedback."""
 
     PLANNING = "looking for a path"
     DRIVING = "driving along a path"
@@ -24,7 +24,7 @@ class NavigationState(Enum):
 
 @dataclass
 class Planning:
-    """Looking for a path; the drive of the goal this one replaced goes on until there is one."""
+    """Planning; `drive` is that of the replaced goal, which goes on until there is a path, or None."""
 
     plan: PlannerExecution
     drive: Optional[Task[FollowResult]] = None
@@ -33,7 +33,7 @@ class Planning:
 
 @dataclass
 class Driving:
-    """Driving along a path, and now and then looking for a better one."""
+    """Driving along a path; `replan` is the running replan, or None."""
 
     drive: Task[FollowResult]
     path: Path
@@ -43,7 +43,7 @@ class Driving:
 
 @dataclass
 class Recovering:
-    """Running a recovery behaviour, after which is planned again."""
+    """Running a recovery behaviour; planning follows."""
 
     recovery: RecoveryExecution
     state = NavigationState.RECOVERING
@@ -51,6 +51,6 @@ class Recovering:
 
 @dataclass
 class Done:
-    """Ended; nothing of it goes on."""
+    """Ended."""
 
     state = NavigationState.DONE

@@ -1,4 +1,4 @@
-"""The navigator: plugins, slots, and the four actions over them, stepped by one caller."""
+"""The navigator: the plugins and the four actions with their concurrency slots, stepped by one thread."""
 
 from __future__ import annotations
 
@@ -34,25 +34,27 @@ from mbf_relay.plugins import PluginError
 from mbf_relay.timing import Stopwatch
 
 OWN_INSTANCE = "move_base"
-"""The instance of planners and recoveries that move_base uses, so that goals of the slots do not disturb it."""
+"""Key of the plugin instances that move_base uses, so that get_path and recovery goals do not make it wait."""
 
 
 class Navigator:
-    """Answers the four actions' goals; advanced by `update` from one thread.
+    """Carries out goals of the four actions; advanced by `update`.
 
     Each of `get_path`, `exe_path`, `recovery` and `move_base` takes a goal and returns its task, which may be done
-    already. One goal runs per action and slot: a newer one replaces it. Every method belongs to the stepping thread;
-    only `Task.cancel` may be called from others.
+    already. One goal runs per action and slot: a newer one replaces it. All methods must be called from one thread, the
+    one that steps; only `Task.cancel` may be called from others.
 
     Args:
         config: The server's parameters as a mapping: `planners`, `controllers`, `recovery_behaviors`, each plugin's own
             group, and NavigatorParameters.
-        robot: Where the robot is and how to move it.
+        robot: Gives poses and odometry, and takes velocities.
         costmaps: "global" and "local", live.
-        worker: Runs plugins; inline where None.
+        worker: Runs the calls of plugins; None to run them inline.
 
     Attributes:
-        odom_topic: Odometry's: the server's parameter where it is given, else the first that a controller's name.
+        odom_topic: Topic of odometry: the server's parameter if given, else the first one in a controller's parameters.
+        plan_watcher: Called with each path found for a goal, and the planner's name; None for nobody.
+        recovery_watcher: Called when a recovery of move_base begins; None for nobody.
 
     Raises:
         PluginError, ValueError: A list, a plugin or a parameter is wrong; the text says which.
@@ -64,7 +66,7 @@ class Navigator:
         worker = worker or InlineWorker()
         values = dict(config)
         values.setdefault("global_frame", config.get("map_frame", "map"))
-        self.parameters, _notes = NavigatorParameters.read(values)  # told of where they are read for users
+        self.parameters, _notes = NavigatorParameters.read(values)  # the node logs the notes
         self.robot, self.costmaps = robot, costmaps
         self.planners = PLANNER_LIST.registry(config, worker)
         self.controllers = CONTROLLER_LIST.registry(config, worker)
@@ -77,7 +79,7 @@ class Navigator:
         self._drives: Dict[int, ControllerExecution] = {}
         self._recovery_runs: Dict[int, RecoveryExecution] = {}
         self._move_base: Optional[MoveBase] = None
-        self._announced: Deque[Tuple[str, FramedPose]] = deque(maxlen=100)  # in lockstep nobody takes them
+        self._announced: Deque[Tuple[str, FramedPose]] = deque(maxlen=100)  # bounded: in lockstep nobody takes them
         self.plan_watcher: Optional[PlanWatcher] = None
         self.recovery_watcher: Optional[RecoveryWatcher] = None
 
@@ -95,11 +97,11 @@ class Navigator:
         return execution.task
 
     def exe_path(self, goal: FollowGoal, owner: Optional[Task[Any]] = None) -> Task[FollowResult]:
-        """Drive along a path; the same controller in the same slot goes over to it without a stop.
+        """Drive along a path; a running drive of the same controller and slot changes over without a stop.
 
         Args:
-            goal: That.
-            owner: The goal it is driven for, if any, which judges oscillation over several drives.
+            goal: The path and how to drive it.
+            owner: The task it is a part of, if any: cancelling that cancels the drive, and it checks for oscillation.
         """
         task: Task[FollowResult] = Task(owner)
         try:
@@ -152,7 +154,7 @@ class Navigator:
         return task
 
     def _zone_limit(self) -> ZoneLimit:
-        """Return how fast the robot may go where it stands, by either costmap."""
+        """Return the lower of the two costmaps' speed limits at the robot's place."""
         return ZoneLimit.lowest(costmap.zone_limit for costmap in self.costmaps.values())
 
     def _unknown_plugin(self, goal: NavigateGoal) -> Optional[NavigateResult]:
@@ -178,11 +180,11 @@ class Navigator:
             drive.update(now)
         if self._move_base is not None:
             self._move_base.update(now)
-            self.update_drive(now)  # what move_base has just begun starts without waiting for the next call
+            self.update_drive(now)  # start a drive that move_base has just begun at once
         self._drop_finished()
 
     def update_drive(self, now: float) -> None:
-        """Advance the drive of slot 0 alone, for whoever owns it."""
+        """Advance the drive of slot 0 only."""
         if 0 in self._drives:
             self._drives[0].update(now)
 
@@ -197,17 +199,17 @@ class Navigator:
         return not self._running()
 
     def drop_all(self) -> None:
-        """Forget every goal without ending it, for a caller that ends them itself after an internal error."""
+        """Drop all goals without ending their tasks; the caller has to end them, as after an internal error."""
         self._plans, self._drives, self._recovery_runs, self._move_base = {}, {}, {}, None
 
     def take_announced(self) -> List[Tuple[str, FramedPose]]:
-        """Return the goals given to planners ("planner") and controllers ("controller") since the last call."""
+        """Return the goals since the last call: ("planner", target) or ("controller", end of the path)."""
         announced = list(self._announced)
         self._announced.clear()
         return announced
 
     def _running(self) -> List[Any]:
-        """Return what carries out goals: executions, and move_base's."""
+        """Return all executions, and the MoveBase if there is one."""
         parts: List[Any] = [*self._plans.values(), *self._drives.values(), *self._recovery_runs.values()]
         return parts if self._move_base is None else [*parts, self._move_base]
 
@@ -221,7 +223,7 @@ class Navigator:
     # parameters
 
     def reconfigure(self, parameters: NavigatorParameters) -> None:
-        """Take new parameters; they hold from the next cycle on."""
+        """Use other parameters from the next cycle on."""
         self.parameters = parameters
 
     # parts that have no slot
@@ -234,10 +236,10 @@ class Navigator:
 
         Args:
             goal: What to plan.
-            retry: Try again until patience ends.
-            instance: Whose plugin plans.
-            announced: Tell of the goal and of the path that is found; what is only asked is nobody's goal.
-            pathless: Runs for as long as there is no path: that counts as patience.
+            retry: Whether to retry failed plans until patience ends.
+            instance: Key of the planner's instance: a slot, OWN_INSTANCE or a service's own.
+            announced: Whether to publish the goal and the path; not for make_plan, which is no goal.
+            pathless: Stopwatch that runs while there is no path; its time counts as patience used.
         """
         task: Task[PlanResult] = Task()
         planner = None

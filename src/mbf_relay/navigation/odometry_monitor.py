@@ -1,4 +1,4 @@
-"""Whether odometry and its transform can be believed: what repeats itself while the robot moves says nothing of it."""
+"""Plausibility checks of odometry: repeated poses while it moves, against tf, and its twist against its poses."""
 
 from __future__ import annotations
 
@@ -11,40 +11,40 @@ from mbf_relay.geometry import IDENTITY, STOP, Pose2D, Twist2D, angle_between
 from mbf_relay.median import median
 
 REPEATED_FOR = 0.5
-"""Seconds for which odometry may repeat a pose to the last bit and tell of motion: what moves changes its last bits."""
+"""Seconds for which a pose may stay exactly the same while the twist is nonzero; real motion changes its last bits."""
 MOVES = 0.02
-"""Metres or radians per second from which the robot is said to move."""
+"""Speed (m/s or rad/s) above which the twist says that the robot moves."""
 CAME = 0.03
-"""Metres or radians from which odometry has come somewhere else."""
+"""Distance (m) or angle (rad) above which odometry's pose has changed."""
 SETTLES = 0.1
-"""Seconds by which odometry may lag behind tf: after a standstill began, both tell of the motion before it."""
+"""Seconds by which odometry may lag behind tf; its pose is compared only after that time."""
 APART = 0.1
-"""Seconds at least between two poses of which a velocity is made: what encoders count in steps is too rough before."""
+"""Shortest time (s) between two poses to compute a velocity from: encoder steps make shorter ones too noisy."""
 INTERRUPTED = 0.45
-"""Seconds between two readings from which they tell nothing of what was between them: a robot may drive and stop. The
-slowest controllers, at 3 Hz, look more often."""
+"""Time (s) between two readings above which no velocity is computed from them, as the robot may have driven and stopped
+in between. The slowest controllers, at 3 Hz, read more often."""
 WATCHED, ENOUGH, ANEW = 20, 8, 4
-"""Velocities made of poses that are looked at together, how many are needed, and after how many more they are again."""
+"""Number of velocities in the sliding window, number needed for a judgement, and number of new ones until the next."""
 TELLS = np.array([0.05, 0.1])
-"""Metres and radians per second from which a velocity can contradict another."""
+"""Speeds (m/s, rad/s) above which velocities are compared."""
 CONTRADICTS, AGREES = 0.5, 0.2
-"""Shares of the greater velocity by which another is off that is not believed, or that is believed again."""
+"""Error, relative to the greater speed, above which the twist is no longer used, and below which it is used again."""
 
 
 class OdometryMonitor:
-    """Judges odometry by itself, one reading after the other. A pose that is never filled in says nothing."""
+    """Detects odometry whose pose stands still although its twist is nonzero. A pose left at zeros is not judged."""
 
     def __init__(self) -> None:
         self._pose: Optional[Pose2D] = None
         self._since = 0.0
 
     def trouble(self, stamp: float, pose: Pose2D, velocity: Twist2D) -> Optional[str]:
-        """Return why a reading must not be driven on, or None.
+        """Return why a reading must not be used, None where it may.
 
         Args:
             stamp: Its time (s).
-            pose: Of the base in odometry's frame.
-            velocity: Body frame.
+            pose: Pose of the base in odometry's frame.
+            velocity: Twist in the body frame (m/s, rad/s).
         """
         moves = max(velocity.speed(), abs(velocity.theta)) > MOVES
         if not moves or pose == IDENTITY or pose != self._pose or stamp < self._since:
@@ -57,26 +57,26 @@ class OdometryMonitor:
 
 
 class TransformMonitor:
-    """Holds the poses of tf against odometry's, which say the same in frames of their own.
+    """Detects a pose by tf that stands still while odometry moves.
 
-    Where the node that broadcasts odometry's transform ends, another one's old pose may go on. What was contradicted
-    stays so until the pose changes: a robot that stands meanwhile has not got nearer to where tf has it. The two come
-    by different ways: where odometry was while tf first had a pose is read off only once both are of the same time.
+    Where the broadcaster of odom -> base ends, another node may go on sending its last pose. A pose that was
+    contradicted stays so until it changes, even if the robot stands meanwhile. Since tf and odometry arrive by
+    different connections, odometry's reference pose is taken only SETTLES after tf's pose first came.
     """
 
     def __init__(self) -> None:
         self._pose: Optional[Pose2D] = None
-        self._told: Optional[Pose2D] = None  # by odometry, where it had got to with this pose
+        self._told: Optional[Pose2D] = None  # odometry's pose when tf's pose came
         self._since = 0.0
 
     def trouble(self, stamp: float, pose: Pose2D, told_at: float, told: Pose2D) -> Optional[str]:
-        """Return why a pose must not be driven on, or None.
+        """Return why a pose must not be used, None where it may.
 
         Args:
-            stamp: Its time (s).
-            pose: Of the base by tf, in any frame.
-            told_at: The time of odometry (s).
-            told: Of the base by odometry.
+            stamp: Time (s) of the transform.
+            pose: Pose of the base by tf, in any frame, but always the same.
+            told_at: Time (s) of odometry.
+            told: Pose of the base by odometry.
         """
         if pose == IDENTITY or pose != self._pose or stamp < self._since:
             self._pose, self._told, self._since = pose, None, stamp
@@ -85,7 +85,7 @@ class TransformMonitor:
                 return None
             self._told = told
         way, turn = told.distance_to(self._told), abs(angle_between(told.theta, self._told.theta))
-        if not (way > CAME or turn > CAME):  # NaN, of a driver that tells no pose, contradicts none
+        if not (way > CAME or turn > CAME):  # written so that NaN, from a driver without poses, contradicts nothing
             self._since = stamp
         if stamp - self._since <= REPEATED_FOR:
             return None
@@ -94,30 +94,30 @@ class TransformMonitor:
 
 
 class TwistMonitor:
-    """Holds the velocities that odometry tells against where its poses go.
+    """Compares the twist of odometry with the velocity computed from its poses, and replaces a wrong twist by that.
 
-    Drivers leave them at zeros, or tell them in odometry's frame, with another sign or in degrees, and other robots are
-    driven by them: one of zeros never gains speed and is taken to be stuck.
+    Some drivers leave the twist at zeros, or give it in odometry's frame, with the wrong sign or in degrees. With a
+    twist of zeros, the robot would never gain speed and count as stuck.
 
     Attributes:
-        doubt: Why they are not believed, empty while they are.
+        doubt: Why the twist is not used, empty while it is.
     """
 
     def __init__(self) -> None:
         self.doubt = ""
         self._last: Optional[Tuple[float, Pose2D, Twist2D]] = None
-        self._moved = STOP  # from the reading before the last one to that
-        self._seen: Deque[Tuple[Twist2D, Twist2D]] = deque(maxlen=WATCHED)  # how it moved, and what was told of it
+        self._moved = STOP  # velocity by the last two poses
+        self._seen: Deque[Tuple[Twist2D, Twist2D]] = deque(maxlen=WATCHED)  # velocity by poses, and by the twist
         self._unjudged = 0
         self._has_heading = False
 
     def believed(self, stamp: float, pose: Pose2D, told: Twist2D) -> Twist2D:
-        """Return the velocity to go by, body frame.
+        """Return the velocity to use, in the body frame: the twist, or the velocity by poses while the twist is wrong.
 
         Args:
-            stamp: Time of a reading (s); those of one time are one.
-            pose: In odometry's frame; one that never changes, or has no heading, says nothing.
-            told: The velocity that came with it.
+            stamp: Time (s) of the reading.
+            pose: In odometry's frame; a pose that never changes, or always has heading 0, is not judged.
+            told: The reading's twist (m/s, rad/s).
         """
         self._has_heading = self._has_heading or pose.theta != 0.0
         if not pose.is_finite():
@@ -142,7 +142,7 @@ class TwistMonitor:
     def _judge(self) -> None:
         moved, told = np.array(self._seen).swapaxes(0, 1)
         off = moved - told
-        # what jitters adds nothing to the mean, one jump nothing to the median
+        # the mean is robust against jitter, the median against single jumps
         errors = np.minimum(_sizes(np.mean(off, axis=0)), median(_sizes(off)))
         sizes = median(np.maximum(_sizes(moved), _sizes(told)))
         told_of = sizes > TELLS
@@ -159,12 +159,12 @@ class TwistMonitor:
 
 
 def velocity_between(begin: Pose2D, end: Pose2D, duration: float) -> Twist2D:
-    """Return the mean velocity, body frame, that leads from one pose to another within `duration` (s)."""
+    """Return the mean velocity (body frame) between two poses that are `duration` seconds apart."""
     turn = angle_between(begin.theta, end.theta)
     way = end.relative_to(begin._replace(theta=begin.theta + 0.5 * turn))
     return Twist2D(way.x / duration, way.y / duration, turn / duration)
 
 
 def _sizes(velocities: np.ndarray) -> np.ndarray:
-    """Return metres and radians per second of velocities, shape (..., 3): (..., 2)."""
+    """Return speed (m/s) and turn rate (rad/s), shape (..., 2), of velocities, shape (..., 3)."""
     return np.stack((np.hypot(velocities[..., 0], velocities[..., 1]), np.abs(velocities[..., 2])), axis=-1)

@@ -9,9 +9,9 @@ from typing import Any, Iterable, Optional, Tuple
 from mbf_relay.parameters import ParameterSet, parameter, without_effect
 
 USUAL_WAIT = 3.0
-"""Seconds that Move Base Flex waits for a transform where tf_timeout is not given."""
+"""Default of Move Base Flex's tf_timeout (s)."""
 USUAL_AGE = 1.0
-"""Seconds: the oldest pose that Move Base Flex drives on, by its tf_timeout."""
+"""Largest age (s) of the robot's pose where pose_timeout is not given and no transform_tolerance is larger."""
 
 
 @dataclass(frozen=True)
@@ -71,27 +71,27 @@ class NavigatorParameters(ParameterSet):
     clear_on_shutdown: bool = parameter(False, "clear obstacles when the costmaps stop (see shutdown_costmaps)")
 
     def oldest_pose(self, costmaps: Iterable[Any]) -> float:
-        """Return the age (s) beyond which a pose is not driven on: move_base drives on as old ones as its costmaps do.
+        """Return the age (s) above which the robot's pose is too old to drive; as in move_base, at least the costmaps'.
         """
         if self.pose_timeout is not None:
             return self.pose_timeout
         return max([USUAL_AGE, *(float(costmap.parameters.transform_tolerance) for costmap in costmaps)])
 
     def ends_a_drive(self, refused: int) -> bool:
-        """Return whether so many cycles without a velocity are more than a controller may need for one."""
+        """Return whether that many refused cycles in a row exceed controller_patience or controller_max_retries."""
         patience, retries = self.controller_patience, self.controller_max_retries
         return 0.0 < patience * self.controller_frequency <= refused or 0 <= retries < refused
 
     @property
     def planning_tf_timeout(self) -> float:
-        """How long (s) planning waits for a transform: no shorter than for a path, nor than Move Base Flex does."""
+        """How long (s) planning waits for a transform."""
         return max(USUAL_WAIT, self.planner_patience) if self.tf_timeout is None else self.tf_timeout
 
     @property
     def control_tf_timeout(self) -> Tuple[float, str]:
-        """How long (s) control waits for a transform, standing, and by which parameter.
+        """How long (s) a drive waits, stopped, for a transform, and the name of the parameter that says so.
 
-        move_base has no other patience for that than for a velocity.
+        As in move_base, that is controller_patience where tf_timeout is not given.
         """
         if self.tf_timeout is not None:
             return self.tf_timeout, "tf_timeout"

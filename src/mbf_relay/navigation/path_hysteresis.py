@@ -1,4 +1,4 @@
-"""Which of two paths to go on along: one that leads another way than the last has to be found for a while first."""
+"""Hysteresis between replans: a path that passes obstacles on another side must be found for a while to be taken."""
 
 from __future__ import annotations
 
@@ -12,25 +12,24 @@ from mbf_relay.geometry import Pose2D
 from mbf_relay.navigation import hysteresis_kernels
 
 PATIENCE = 0.5
-"""Seconds for which replans must lead another way before the first change."""
+"""Seconds for which all replans must lead another way before the first change; doubled by each change nearby."""
 DOUBLINGS = 5
-"""Changes at one place after which patience grows no more."""
+"""Number of changes near one place after which the patience no longer doubles."""
 PLACE = 4.5
-"""Robot's widths from the last change within which another one makes patience grow."""
+"""Distance (in robot widths) from the last change within which a further change counts as nearby."""
 AHEAD = 13.0
-"""Robot's widths along the paths that are compared; what comes later can be decided later."""
+"""Length (in robot widths) of the paths that is compared; later differences can be decided on later."""
 SPACING = 0.22
-"""Robot's widths between compared points, about."""
+"""Approximate distance (in robot widths) between compared points."""
 
 
 class PathHysteresis:
-    """Holds a robot to its way while replans flip between two.
+    """Keeps a robot on its way while replans alternate between two.
 
-    A passage hardly wider than the robot looks wide enough in one snapshot and too narrow in the next, as a cell more
-    or less is marked. Each replan by itself is right; a robot that follows every one of them turns back and forth
-    before two passages and enters neither. So a path along the same way is taken at once, and one along another way
-    when replans have led there for PATIENCE without a break; each further change near the last doubles that, so that
-    the robot gets far enough into a passage to find out.
+    A passage hardly wider than the robot is free in one costmap snapshot and blocked in the next, with one cell more
+    marked. A robot that follows each replan turns back and forth before two such passages and enters neither. So a path
+    along the same way is taken at once, and one along another way only when all replans led there for PATIENCE. Each
+    further change near the last one doubles that time, so that the robot gets far enough to see whether it fits.
     """
 
     def __init__(self) -> None:
@@ -39,16 +38,16 @@ class PathHysteresis:
         self._changed_at: Optional[Pose2D] = None
 
     def restart(self) -> None:
-        """Forget what was waited for: the robot goes a way anew, or the last plan led along the same."""
+        """Start the waiting time over: a new path is begun, or the last plan led along the same way."""
         self._since = None
 
     def wants(self, now: float, robot: Pose2D, width: float) -> bool:
-        """Return whether to go over to another way, to which a plan leads at `now` (s).
+        """Return whether to change to another way now; call it for each plan that leads another way.
 
         Args:
             now: Time (s).
-            robot: Where it is, in the paths' frame.
-            width: The robot's (m). Paths that pass an obstacle on different sides are at least that far apart.
+            robot: The robot's pose in the paths' frame.
+            width: The robot's width (m).
         """
         if self._since is None or now < self._since:
             self._since = now
@@ -61,12 +60,14 @@ class PathHysteresis:
 
 
 def leads_another_way(old: np.ndarray, new: np.ndarray, robot: Pose2D, width: float) -> bool:
-    """Return whether a new path passes something on another side than what is left of the last one.
+    """Return whether a new path passes an obstacle on another side than the rest of the last one.
+
+    False for a robot farther than two widths from the last path: it has left it anyway.
 
     Args:
-        old, new: Poses, (N, 3) and (M, 3), in one frame.
-        robot: Where it is, in that frame. One that is off the last path by twice its width has no way to keep.
-        width: The robot's (m).
+        old, new: Poses, shape (N, 3) and (M, 3), in one frame.
+        robot: The robot's pose in that frame.
+        width: The robot's width (m). Paths on different sides of an obstacle are at least that far apart.
     """
     distances = np.hypot(old[:, 0] - robot.x, old[:, 1] - robot.y)
     nearest = int(distances.argmin())
@@ -74,7 +75,7 @@ def leads_another_way(old: np.ndarray, new: np.ndarray, robot: Pose2D, width: fl
 
 
 def is_same_way(old: np.ndarray, new: np.ndarray, width: float) -> bool:
-    """Return whether two paths from here on, (N, 3) and (M, 3), stay nearer to each other than `width` (m)."""
+    """Return whether two paths from the robot on, (N, 3) and (M, 3), stay within `width` (m) of each other."""
     sides = []
     for poses in (old, new):
         poses = np.ascontiguousarray(poses, dtype=float)
@@ -88,9 +89,9 @@ def path_is_blocked(costmap: CostGrid, poses: np.ndarray, robot: Optional[Pose2D
     """Return whether a path leads through cells where the robot's centre must not be.
 
     Args:
-        costmap: Where the obstacles are.
+        costmap: Snapshot of a costmap.
         poses: Shape (N, 3), in the costmap's frame.
-        robot: What lies behind it does not count; the whole path does where None.
+        robot: The robot's pose there; only poses after the one nearest to it count. None for the whole path.
     """
     if robot is not None:
         distances = np.hypot(poses[:, 0] - robot.x, poses[:, 1] - robot.y)

@@ -1,4 +1,4 @@
-"""One plan from request to result: frames, retries, patience and cancelling."""
+"""Execution of get_path: frames, retries, patience and cancelling of one plan."""
 
 from __future__ import annotations
 
@@ -23,46 +23,47 @@ from mbf_relay.planning.planner import Cancellation, Planner
 from mbf_relay.timing import Pacer, Stopwatch
 
 RETRY_DELAY = 0.2
-"""Seconds between two tries: what a plan depends on changes no faster, and a plan that fails at once must not spin."""
+"""Seconds between two tries: costmaps change no faster, and a plan that fails at once must not keep a core busy."""
 STARTING_PATIENCE = 20.0
-"""Seconds that a goal waits for a costmap's first picture: as long as a goal of the relay's waits for the server."""
+"""Seconds that a goal waits for a costmap's first update: the relay's default server_timeout."""
 RETURNS_WITHIN = 0.1
-"""Seconds within which a planner whose call was given up leaves it."""
+"""Seconds within which a planner normally returns from a call that was given up; the robot is stopped after that."""
 
 PlanWatcher = Callable[[str, Path], None]
+"""Called with a planner's name and the path it found."""
 
 HOPELESS = (PlanOutcome.INVALID_START, PlanOutcome.INVALID_GOAL, PlanOutcome.OUT_OF_MAP, PlanOutcome.CANCELED)
-"""Failures that waiting does not mend."""
+"""Outcomes that are not retried, since waiting changes nothing."""
 UNSEEN = 1.0
-"""Seconds, at least, by which a look is late before which nobody can have looked: a process that was stopped, a clock
-that was set forward. What is missing is waited for anew then."""
+"""Seconds by which an update must be late for the waiting time to start over: the process was suspended, or the clock
+set forward."""
 
 
 class PlannerExecution:
     """Finds one path; advanced by `update` until its task is done.
 
-    The plan itself runs on the worker. Behaviour as mbf_abstract_nav's AbstractPlannerExecution and PlannerAction:
-    failures are tried again up to planner_max_retries times and planner_patience seconds, a hanging planner is given up
-    after its patience. A planner still in a call that was given up is waited for.
+    The planner is called on the worker. Behaviour as mbf_abstract_nav's AbstractPlannerExecution and PlannerAction:
+    failures are retried up to planner_max_retries times and for planner_patience seconds, and a planner that does not
+    return is given up after that. A planner still busy with a call that was given up is waited for.
 
-    It deviates in one thing: patience counts from when the robot lost its path, over all executions and the recoveries
-    between them (`pathless`), where Move Base Flex begins anew with each. An execution that begins when patience is
-    over already makes one try, on a costmap updated since then, and ends with what that says.
+    It differs in one point: patience counts from when the robot lost its path, over all executions and the recoveries
+    between them (`pathless`), where Move Base Flex starts over with each. An execution that begins when patience is
+    over already makes one try, on a costmap updated since then, and ends with its outcome.
 
     Args:
-        goal: What to plan, valid in itself; a target in another frame than the costmap's is fixed there by the first
-            look.
-        instance: The planner; None only where the task is done already.
-        robot: Tells frames and the robot's pose.
-        costmap: Gives the snapshot to plan on: `planning_trouble(now)` and `snapshot()`.
-        parameters: Called for the values in force.
+        goal: What to plan, already validated. Its target is transformed to the costmap's frame once, as soon as the
+            transform is there.
+        instance: The planner; None only if the task is done already.
+        robot: Gives transforms and the robot's pose.
+        costmap: The planner's costmap; `planning_trouble(now)` and `snapshot()` are used.
+        parameters: Returns the present parameters.
         task: Ends with the result.
-        retry: Whether to try again at all; replans while driving do not.
-        watcher: Told each path found, with the planner's name.
+        retry: Whether to retry; replans while driving do not.
+        watcher: Called with each path found.
         pathless: Runs since the robot has had no path; its time counts as patience used before this execution.
 
     Attributes:
-        tried_in_vain: Whether it has looked for a path without finding one, or had nothing to look by.
+        tried_in_vain: Whether a try has failed, or something needed for planning was missing; the robot then stops.
     """
 
     def __init__(
@@ -84,9 +85,9 @@ class PlannerExecution:
         self._last_failure = ""
         self._cause: Optional[PlanOutcome] = None
         self._patience_end = math.inf
-        self._asked = -math.inf  # when the first update came (s)
-        self._seen_at = math.inf  # stamp (s) of the snapshot planned on last
-        self._pathless, self._waited = pathless or Stopwatch(), 0.0  # and how long it had run by then (s)
+        self._asked = -math.inf  # time (s) of the first update
+        self._seen_at = math.inf  # stamp (s) of the last snapshot that was planned on
+        self._pathless, self._waited = pathless or Stopwatch(), 0.0  # and its time (s) at the first update
 
     @property
     def instance(self) -> PluginInstance[Planner]:
@@ -102,7 +103,7 @@ class PlannerExecution:
         return self._patience_end if self._job is not None else self._pacer.next
 
     def update(self, now: float) -> None:
-        """Look at what came of the last step and begin the next one."""
+        """Collect the last try, if it is done, and begin the next one when it is due."""
         if self.task.done:
             return
         if self._asked == -math.inf:
@@ -120,7 +121,7 @@ class PlannerExecution:
     def give_up(
         self, ending: Ending, outcome: PlanOutcome, message: str, cause: Optional[PlanOutcome] = None
     ) -> None:
-        """End now, whatever the planner does; its answer is dropped."""
+        """End now and cancel the planner; what it still returns is dropped."""
         self._cancellation.cancel()
         self.task.end(ending, PlanResult(outcome, message, cause=cause))
 
@@ -163,7 +164,7 @@ class PlannerExecution:
         frame = self._costmap.frame
         start = self._robot.pose_in(frame) if self.goal.start is None else self._in_frame(self.goal.start, frame)
         target = self._in_frame(self.goal.target, frame)
-        # fixed from now on: seen from a frame that moves with the robot it runs ahead
+        # kept from now on: a target in a frame that moves with the robot, such as base_link, would move along with it
         if self.goal.target.frame != frame:
             self.goal = dataclasses.replace(self.goal, target=FramedPose(target, frame))
         return start, target
@@ -178,7 +179,7 @@ class PlannerExecution:
         if not self._waiting.running:
             self._waiting.start(now)
         patience = self._parameters().planning_tf_timeout
-        if outcome is PlanOutcome.NOT_INITIALIZED:  # the server has only just come; move_base takes no goal until then
+        if outcome is PlanOutcome.NOT_INITIALIZED:  # the server has just started; move_base takes no goals until then
             patience = max(patience, STARTING_PATIENCE)
         if not self._retry or self._waiting.elapsed(now) >= patience:
             self.give_up(Ending.ABORTED, outcome, message)
@@ -192,7 +193,7 @@ class PlannerExecution:
             path = self._in_global_frame(job.result())
         except PlanningError as error:
             self._fail(now, error)
-        except Exception as error:  # a plugin may raise anything, and the server lives on
+        except Exception as error:  # a plugin may raise anything; that ends the goal, not the server
             self.give_up(
                 Ending.ABORTED, PlanOutcome.INTERNAL_ERROR,
                 f"planner '{self.instance.name}' failed with {self.instance.failure_text(error)}",
@@ -221,11 +222,10 @@ class PlannerExecution:
         parameters = self._parameters()
         is_last_try = 0.0 < parameters.planner_patience <= self._waited
         if (error.outcome is PlanOutcome.OUT_OF_MAP or is_last_try) and self._seen_at < self._asked:
-            # a rolling map follows the robot, a growing one what it sees, and one that was cleared shows so, with
-            # their next update
+            # a rolling window, a growing map or a cleared costmap may change with its next update
             self._wait_for(now, error.outcome, error.message)
             return
-        self._waiting.reset()  # nothing is missing, and what will be is waited for anew
+        self._waiting.reset()  # nothing is missing at present
         retries = parameters.planner_max_retries
         self._retries, self.tried_in_vain = self._retries + 1, True
         self._last_failure, self._cause = error.message, error.outcome
@@ -251,12 +251,16 @@ class PlannerExecution:
 
 
 def usable(answer: Any, name: str) -> Path:
-    """Return what a planner of some name answered, which is a plugin's and may be anything, as a path of float64.
+    """Check what a planner plugin returned and return it as a path with poses of float64, shape (N, 3).
+
+    Args:
+        answer: What it returned; anything.
+        name: The planner's name, for errors.
 
     Raises:
-        TypeError: It is no path, or one whose poses or cost are no numbers, or whose frame is no name.
-        ValueError: It is one whose poses or cost are not finite, or not as a path has them.
-        PlanningError: It is an empty one.
+        TypeError: It is no Path, its poses or cost are no numbers, or its frame is no string.
+        ValueError: Its poses have another shape, or poses or cost are not finite.
+        PlanningError: EMPTY_PATH.
     """
     if not isinstance(answer, Path):
         raise TypeError(f"it returned {type(answer).__name__}, not a path")

@@ -1,4 +1,4 @@
-"""The lists of plugins in a server's parameters, each with what may stand in it."""
+"""The three lists of plugins in a server's parameters, with the base class and the known types of each."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ class PluginList(Generic[P]):
     """One list.
 
     Attributes:
-        kind: The parameter's name.
-        base: What its plugins derive from.
-        known: Type names and the classes that do that job here.
-        costmap: The costmap of plugins that name none: "global" or "local".
+        kind: Name of the list's parameter.
+        base: Base class of its plugins.
+        known: Full class name by type name.
+        costmap: Default costmap of its plugins: "global" or "local".
     """
 
     kind: str
@@ -35,7 +35,7 @@ class PluginList(Generic[P]):
     costmap: str
 
     def registry(self, config: Mapping[str, Any], worker: Worker) -> Registry[P]:
-        """Return the plugins that a server's parameters list; see Registry."""
+        """Make the plugins that a server's parameters list; errors as for Registry."""
         return Registry(self.kind, config, self.base, self.known, worker, self.costmap)
 
 

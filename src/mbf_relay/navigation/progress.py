@@ -1,4 +1,4 @@
-"""Is the robot getting anywhere? Oscillation by distance and angle, and commands that move nothing."""
+"""Progress checks: oscillation by distance and angle, and a robot that stands still against its commands."""
 
 from __future__ import annotations
 
@@ -12,17 +12,18 @@ from mbf_relay.outcomes import ControlOutcome
 from mbf_relay.timing import Stopwatch
 
 STOPPED = 1e-3
-"""m/s and rad/s below which a robot counts as standing and a command as zero."""
+"""Speed (m/s and rad/s) below which a robot counts as standing, and a command as zero."""
 MOVED = 0.02, 0.05
-"""Metres and radians by which a robot that stands is somewhere else: more than its poses differ while it does."""
+"""Distance (m) and angle (rad) above which a robot has moved; above the noise of the pose of one that stands."""
 ONE_WAY = 0.5
-"""Radians of a turn that is progress, however slow, where it went one way: a robot that oscillates turns back."""
+"""Net turn (rad) that counts as progress at the timeout where the robot turned one way; one that oscillates turns back.
+"""
 MOSTLY = 0.9
-"""Share of all its turning that such a turn is at least."""
+"""Smallest ratio of net turn to the sum of all turning for a turn to count as one way."""
 
 
 class OscillationDetector:
-    """Notices a robot that neither moved nor turned far enough for too long."""
+    """Detects a robot that has neither moved oscillation_distance nor turned oscillation_angle within the timeout."""
 
     def __init__(self) -> None:
         self._reference: Optional[Pose2D] = None
@@ -32,25 +33,25 @@ class OscillationDetector:
 
     @property
     def running(self) -> bool:
-        """Return whether time counts yet."""
+        """Return whether the timeout has been started."""
         return self._since.running
 
     def restart(self, now: float) -> None:
-        """Give the robot the whole timeout again."""
+        """Start the timeout over."""
         self._reference = None
         self._since.start(now)
         self._asked.start(now)
 
     def wait(self, now: float) -> None:
-        """Let the time since the last call not count: nobody could say where to drive."""
+        """Leave the time since the last call out of the timeout, as while there is no velocity to drive by."""
         self._since.leave_out(self._asked.elapsed(now))
         self._asked.start(now)
 
     def progressed(self, now: float, pose: Pose2D, parameters: NavigatorParameters) -> bool:
-        """Take a pose; return whether it is far enough from the last one that counted.
+        """Take a pose; return whether the robot made progress since the last reference pose.
 
-        Turns are summed up, as the angle between two headings never says how often a robot went round. Whoever has not
-        turned far enough in time may be slow to turn: then what counts is whether that went one way.
+        Turns between poses are summed, since the angle between two headings is below pi. At the timeout a smaller turn
+        is accepted from a slow robot that turned one way (ONE_WAY, MOSTLY).
         """
         self._asked.start(now)
         if self._reference is None:
@@ -75,34 +76,34 @@ class OscillationDetector:
         self._reference, self._heading, self._turned, self._turned_in_all = pose, pose.theta, 0.0, 0.0
 
     def stuck_for(self, now: float, parameters: NavigatorParameters) -> Optional[float]:
-        """Return for how long (s) there was no progress where that is too long, otherwise None."""
+        """Return the time (s) without progress if it exceeds oscillation_timeout, otherwise None."""
         elapsed = self._since.elapsed(now)
         timeout = parameters.oscillation_timeout
         return elapsed if timeout > 0.0 and elapsed > timeout else None
 
 
 class GoalProgress:
-    """Judges a whole goal, over drives, replans and recoveries, and says why its robot got nowhere."""
+    """Checks a move_base goal for oscillation, over all its drives and replans, and says what hindered the robot."""
 
     def __init__(self) -> None:
         self._oscillation = OscillationDetector()
         self._refusal = ""
 
     def await_start(self, now: float, paused: bool) -> None:
-        """Let no time count while the robot is paused, nor before the first call."""
+        """Start the timeout at the first call, and start it over while the robot is paused."""
         if paused or not self._oscillation.running:
             self.restart(now)
 
     def restart(self, now: float) -> None:
-        """Give the robot the whole timeout again."""
+        """Start the timeout over."""
         self._oscillation.restart(now)
 
     def wait(self, now: float) -> None:
-        """Let the time since the last call, of this or of `trouble`, not count: there was no path to drive."""
+        """Leave the time since the last call of this or of `trouble` out of the timeout: there was no path to drive."""
         self._oscillation.wait(now)
 
     def trouble(self, now: float, feedback: FollowFeedback, parameters: NavigatorParameters) -> str:
-        """Take what a drive tells; return why the goal is to be given up as oscillating, empty where it is not."""
+        """Take a drive's feedback; return why the robot counts as oscillating, empty where it does not."""
         if feedback.pose is None or parameters.oscillation_timeout <= 0.0:
             return ""
         if feedback.is_unasked:
@@ -126,10 +127,10 @@ class GoalProgress:
 
 
 class IgnoredCommands:
-    """Notices a robot that stands while it is told to move.
+    """Detects a robot that stands still while it is commanded to move.
 
-    One whose wheels stop by themselves before the next command, as of a controller of 1 Hz and a base that heeds each
-    for half a second, stands at every look, and is somewhere else each time.
+    Its pose is compared too: with a controller at 1 Hz and a base that stops 0.5 s after each command, odometry tells a
+    velocity of zero in every cycle although the robot moves on.
     """
 
     def __init__(self) -> None:
@@ -137,7 +138,13 @@ class IgnoredCommands:
         self._place = IDENTITY
 
     def ignored_for(self, now: float, command: Twist2D, velocity: Twist2D, pose: Pose2D) -> float:
-        """Take a cycle's command and the robot's velocity and pose; return for how long (s) it has ignored commands."""
+        """Return for how long (s) the robot has stood still against its commands.
+
+        Args:
+            now: Time (s) of the cycle.
+            command, velocity: Commanded and measured, body frame (m/s, rad/s).
+            pose: The robot's, always in the same frame.
+        """
         if not _is_zero(velocity) or _is_zero(command):
             self._since.reset()
         elif not self._since.running or self._place.is_apart(pose, *MOVED):
@@ -146,7 +153,7 @@ class IgnoredCommands:
         return self._since.elapsed(now)
 
     def told(self, now: float, command: Twist2D) -> str:
-        """Return for how long it has ignored commands, and the last one."""
+        """Return the message for the user: for how long it has stood still, and the last command."""
         on_the_spot = CAR if command.speed() < STOPPED else ""
         return (
             f"Robot has stood still for {self._since.elapsed(now):.1f} s against velocity commands, the last one of "

@@ -1,4 +1,4 @@
-"""A recovery behaviour driven step by step: velocities, patience, cancelling and a zero velocity at its end."""
+"""Execution of recovery: a behaviour's velocities, patience, cancelling, and a zero velocity at its end."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from mbf_relay.timing import Pacer, Stopwatch
 
 
 class RecoverySurroundings(RecoveryContext):
-    """What a behaviour sees at its current step; of the robot, what will be when it does what it is told."""
+    """RecoveryContext of a behaviour's present step. With delayed commands, pose and velocity are predicted."""
 
     def __init__(self, robot: Robot, costmaps: Mapping[str, Any], controller: Optional[Controller]) -> None:
         self._robot, self._costmaps, self._controller = robot, costmaps, controller
@@ -41,18 +41,22 @@ class RecoverySurroundings(RecoveryContext):
 
     @property
     def velocity(self) -> Twist2D:
-        """The robot's velocity, body frame: as told last where commands come late, else from odometry."""
+        """The robot's velocity in the body frame: the last command if commands are delayed, else from odometry.
+
+        Raises:
+            StaleDataError: Odometry is missing or too old.
+        """
         measured, commanded = self._robot.velocity(), self._robot.commanded
         return measured if commanded is None or self._robot.delay.seconds == 0.0 else commanded
 
     def pose_in(self, frame: str) -> Pose2D:
-        """Return the robot's pose in `frame`; raise TransformError where it is not known."""
+        """Return the robot's pose in `frame`; raise TransformError where it is unknown or too old."""
         pose = self._robot.pose_in(frame)
         costmap = next((costmap for costmap in self._costmaps.values() if costmap.frame == frame), None)
         if costmap is None:
             return pose
         here = self._robot.caught_up(pose, frame)
-        if self._robot.delay.seconds == 0.0:  # nor is a snapshot needed to tell
+        if self._robot.delay.seconds == 0.0:  # avoid taking a snapshot
             return here
         return self._robot.expected_in(here, costmap.snapshot())
 
@@ -71,18 +75,18 @@ class RecoveryExecution:
     """Runs one behaviour; advanced by `update` until its task is done.
 
     Behaviour as mbf_abstract_nav's AbstractRecoveryExecution and RecoveryAction: a behaviour that gives up ends its
-    goal SUCCEEDED with its own outcome, as Move Base Flex does. Cancelling takes effect between two steps, the robot
-    stands while a step hangs, and one that goes on hanging is given up.
+    goal SUCCEEDED with its own outcome, as in Move Base Flex. Cancelling takes effect between two steps. The robot is
+    stopped while a step takes too long, and the behaviour is given up after recovery_patience.
 
     Args:
-        goal: Which behaviour.
-        instance: The behaviour; None only where the task is done already.
-        robot: Where it is and how to move it.
+        goal: Name of the behaviour.
+        instance: The behaviour; None only if the task is done already.
+        robot: Gives poses and odometry, and takes velocities.
         costmaps: The live costmaps, "local" and "global".
         controller: The controller that failed, or None.
-        parameters: Called for the values in force.
+        parameters: Returns the present parameters.
         task: Ends with the result.
-        zone_limit: Gives how fast the robot may go where it stands.
+        zone_limit: Returns the speed limit at the robot's place.
     """
 
     def __init__(
@@ -121,7 +125,7 @@ class RecoveryExecution:
         return math.inf if self.task.done else self._pacer.next
 
     def update(self, now: float) -> None:
-        """Command what the last step wanted and begin the next one when it is time."""
+        """Send the velocity of the last step, if it is ready, and begin the next step when it is due."""
         if self.task.done:
             return
         if not self._since_start.running:
@@ -133,7 +137,7 @@ class RecoveryExecution:
             return
         if self._robot.paused:
             self._since_start.start(now)
-            self._since_call.start(-math.inf)  # what is thought of before the pause is too old after it
+            self._since_call.start(-math.inf)  # so that a velocity computed before the pause is dropped
             if self._pacer.is_due(now):
                 self._pacer.passed(now, 1.0 / self._parameters().controller_frequency)
             if self._moved and self._robot.commanded != STOP:
@@ -161,7 +165,7 @@ class RecoveryExecution:
         try:
             self._robot.note_motion(now, self._robot.velocity())
         except StaleDataError:
-            pass  # a behaviour that moves nothing needs none
+            pass  # a behaviour that does not move the robot needs no odometry
         self._since_call.start(now)
         self._context.time = now
         self._context.step_period = self._cycle_period.note(now, 1.0 / self._parameters().controller_frequency)
@@ -184,7 +188,7 @@ class RecoveryExecution:
             close()
 
     def _watch(self, now: float, job: Job) -> None:
-        """Collect the running step, or see to it that the robot does not drive on while it hangs."""
+        """Collect the running step if it is done; else stop the robot when it takes too long."""
         if job.done:
             self._collect(now)
         elif self._command != STOP:
@@ -206,7 +210,7 @@ class RecoveryExecution:
             self._finish(Ending.SUCCEEDED, RecoveryOutcome.TF_ERROR, str(error))
         except StaleDataError as error:
             self._finish(Ending.SUCCEEDED, RecoveryOutcome.FAILURE, str(error))
-        except Exception as error:  # a plugin may raise anything, and the server lives on
+        except Exception as error:  # a plugin may raise anything; that ends the goal, not the server
             message = f"recovery behaviour '{name}' failed with {self.instance.failure_text(error)}"
             self._give_up(Ending.ABORTED, RecoveryOutcome.INTERNAL_ERROR, message)
         else:
@@ -226,31 +230,31 @@ class RecoveryExecution:
         self._watch_wheels(now, velocity)
 
     def _watch_wheels(self, now: float, velocity: Twist2D) -> None:
-        """Give up a behaviour that moves nothing, as a drive that does: it would turn its wheels against all patience.
+        """Give up a behaviour whose commands do not move the robot (cmd_vel_ignored_tolerance), as a drive is.
         """
         tolerance = self._parameters().cmd_vel_ignored_tolerance
         try:
             measured, pose = self._robot.velocity(), self._robot.pose_in(self._costmaps["local"].frame)
-        except (StaleDataError, TransformError):  # it is told to stand at its next step
+        except (StaleDataError, TransformError):  # _begin stops it at its next step
             return
         if 0.0 < tolerance < self._ignored.ignored_for(now, velocity, measured, pose):
             message = f"Recovery behaviour '{self.instance.name}': {self._ignored.told(now, velocity)}"
             self._give_up(Ending.ABORTED, RecoveryOutcome.PAT_EXCEEDED, message)
 
     def _at_the_zone_s_pace(self, velocity: Twist2D) -> Twist2D:
-        """Return a velocity along the same arc that keeps to the zone's limit, as the controller that failed does."""
+        """Return the velocity, scaled down along the same arc to the speed limit of the zone."""
         zone, controller = self._zone_limit(), self._context.controller
         top_speeds = (math.inf, math.inf) if controller is None else controller.top_speeds
         return SpeedLimit(zone.speed, share=zone.share).slowed(velocity, *top_speeds)
 
     def _send(self, velocity: Twist2D) -> None:
         if velocity == STOP:
-            self._ignored = IgnoredCommands()  # nothing is ignored that was not told
+            self._ignored = IgnoredCommands()  # begin anew: a robot that stands as commanded ignores nothing
         self._command = velocity
         self._robot.command(velocity)
 
     def _blind(self, now: float) -> bool:
-        """Return whether what the robot sees, or knows of its place and motion, is too old to move on."""
+        """Return whether the local costmap, the robot's pose or odometry is too old to move."""
         costmap = self._costmaps["local"]
         try:
             self._robot.pose_in(costmap.frame)
@@ -265,7 +269,7 @@ class RecoveryExecution:
             self._give_up(Ending.ABORTED, RecoveryOutcome.PAT_EXCEEDED, message)
 
     def _give_up(self, ending: Ending, outcome: RecoveryOutcome, message: str) -> None:
-        """End a behaviour that is not finished and let it clean up, now or when its hanging step returns."""
+        """End an unfinished behaviour and close its generator, now or when its running step returns."""
         self._given_up = True
         if self._steps is not None and not self.instance.busy:
             self.instance.call(self._close)

@@ -1,10 +1,9 @@
-"""Which recovery behaviour comes next: which failures one can change, and which were tried where the robot is.
+"""Choice of the next recovery behaviour: which failures a behaviour can change, and which were tried at this place.
 
-mbf_abstract_nav's MoveBaseAction recovers from every failed plan, and from every failed drive but five
-(actionGetPathDone, actionExePathDone). Here a failed plan is judged as a drive is: where neither a fresh look at the
-surroundings nor another place of the robot can change a failure, its goal ends at once, with the failure's own code and
-text, and the robot does not move for nothing. Three outcomes of a drive are added to Move Base Flex's five: CANCELED,
-STOPPED and MAP_ERROR.
+mbf_abstract_nav's MoveBaseAction recovers from every failed plan, and from every failed drive but five outcomes
+(actionGetPathDone, actionExePathDone). Here failed plans are judged like drives: where neither new sensor data nor
+another pose of the robot can change a failure, the goal ends at once with the failure's own code and text. For drives,
+CANCELED, STOPPED and MAP_ERROR are added to Move Base Flex's five outcomes.
 """
 
 from __future__ import annotations
@@ -19,7 +18,7 @@ from mbf_relay.recovery.recovery import Recovery
 
 
 class Recoverable(Enum):
-    """What can change a failure."""
+    """What can change a failure; the value explains it."""
 
     NO = "nothing that a recovery behaviour does"
     BY_CLEARING = "obstacles forgotten and seen anew; the robot's place does not matter"
@@ -28,7 +27,7 @@ class Recoverable(Enum):
 
 
 class RecoveryPolicy(NamedTuple):
-    """What can change a failure, and why that is so."""
+    """What can change a failure, and the reason."""
 
     recoverable: Recoverable
     reason: str
@@ -68,7 +67,7 @@ PLANNING: Dict[Enum, RecoveryPolicy] = {
     ),
     PlanOutcome.STOPPED: RecoveryPolicy(NO, "somebody stopped the planner"),
 }
-"""Outcomes of get_path."""
+"""Policy for each outcome of get_path."""
 
 DRIVING: Dict[Enum, RecoveryPolicy] = {
     ControlOutcome.FAILURE: RecoveryPolicy(BY_MOVING, "a controller's word for anything"),
@@ -99,36 +98,36 @@ DRIVING: Dict[Enum, RecoveryPolicy] = {
     ControlOutcome.MAP_ERROR: RecoveryPolicy(NO, "the map is missing or unusable, and moving on it would be blind"),
     ControlOutcome.STOPPED: RecoveryPolicy(NO, "somebody stopped the controller"),
 }
-"""Outcomes of exe_path."""
+"""Policy for each outcome of exe_path."""
 
 POLICIES: Dict[Enum, RecoveryPolicy] = {
     **PLANNING,
     **DRIVING,
     NavigateOutcome.OSCILLATION: RecoveryPolicy(BY_MOVING, "from elsewhere the way may be clear"),
 }
-"""Every outcome that move_base may have to recover from."""
+"""Policy for every outcome that move_base may have to recover from."""
 
 
 def recoverable(outcome: Enum, cause: Optional[Enum] = None) -> Recoverable:
     """Return what can change a failure.
 
     Args:
-        outcome: How planning or driving ended.
-        cause: What had failed again and again where it ended because patience was over; that decides then.
+        outcome: Outcome of planning or driving.
+        cause: With PAT_EXCEEDED, the outcome of the last failed try, which is judged instead; else None.
     """
     return POLICIES[outcome if cause is None else cause].recoverable
 
 
 def can_change(change: Recoverable, behavior: Recovery, costmap: Any) -> bool:
-    """Return whether a behaviour can bring about what changes a failure.
+    """Return whether a behaviour can change a failure.
 
-    One that drives the robot elsewhere cannot where its place does not matter; nor one that only turns the sensors
-    round where the robot's heading does not matter and they see all round from where it stands.
+    A behaviour that drives elsewhere cannot if the robot's place does not matter (BY_CLEARING). One that only turns the
+    sensors cannot if the heading does not matter and they see all round already.
 
     Args:
         change: What can change the failure.
         behavior: The behaviour.
-        costmap: Whose `sees_all_round` tells that.
+        costmap: `sees_all_round` says whether the sensors do.
     """
     if change in (NO, BY_MOVING):
         return change is BY_MOVING
@@ -138,23 +137,23 @@ def can_change(change: Recoverable, behavior: Recovery, costmap: Any) -> bool:
 
 
 NEAR = 0.1
-"""Metres within which two failures happened at one place, whatever counts as progress elsewhere."""
+"""Smallest distance (m) between two places; oscillation_distance may be larger."""
 
 
 class TriedHere(NamedTuple):
-    """Where something failed, None where that is not known, and the positions in the list of what was tried there."""
+    """A place where something failed (None if the pose was unknown), and the indices of the behaviours tried there."""
 
     pose: Optional[Pose2D]
     tried: Set[int]
 
 
 class TriedBehaviors:
-    """Remembers what was tried where, for one goal.
+    """Remembers which behaviours were tried at which places, for one goal.
 
-    The list starts over at each new place, and is continued where the robot comes back to one. Move Base Flex starts it
-    over with every path that is found: with a path that cannot be driven, the first behaviours alternate for ever. As
-    the places within reach are finite, a goal that cannot be reached ends. When odometry becomes credible again,
-    everything may be tried again: costmaps cleared before were filled again with obstacles at wrong places.
+    The list starts over at each new place, and goes on where the robot returns to one. Move Base Flex starts it over
+    with every path that is found; with a path that cannot be driven, it repeats the first behaviours for ever. Here a
+    goal that cannot be reached ends, since the number of places within reach is finite. When odometry becomes valid
+    again, all may be tried again: in the meantime the costmaps were filled with obstacles at wrong places.
 
     Args:
         behaviors: Names, in the order to try.
@@ -169,13 +168,13 @@ class TriedBehaviors:
     def next(
         self, pose: Optional[Pose2D], progress: float, suits: Callable[[str], bool], is_certain: bool = True
     ) -> Optional[int]:
-        """Return the position in the list of what to try now, and count it as tried; None where nothing is left.
+        """Return the index of the behaviour to try now, and mark it as tried; None where nothing is left.
 
         Args:
-            pose: Where the robot is; None counts as the place of the last failure.
-            progress: Distance (m) to another place.
-            suits: Tells of a behaviour whether it can change what failed.
-            is_certain: Whether odometry can be believed.
+            pose: The robot's pose; None counts as the place of the last failure.
+            progress: Distance (m) from which on a pose is another place.
+            suits: Returns whether the behaviour of a name can change the failure.
+            is_certain: Whether odometry is valid.
         """
         if is_certain and not self._was_certain:
             self._places.clear()

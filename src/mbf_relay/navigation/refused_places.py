@@ -1,4 +1,4 @@
-"""Places where the controller found no way through: for a while, plans that lead there count as longer."""
+"""Places where the controller found no way through; for a while, plans through them get an extra cost, a toll."""
 
 from __future__ import annotations
 
@@ -14,29 +14,28 @@ from mbf_relay.planning.passage import checker_on, touching_cells
 from mbf_relay.planning.path import Path
 
 TOLL = 10.0
-"""Detour (robot's widths) that is worth taking round a place refused once; each further refusal doubles it."""
+"""Toll of a place refused once: the longest detour (in robot widths) to take instead; doubled by each refusal."""
 DOUBLINGS = 5
-"""Refusals of one place after which its toll rises no more."""
+"""Number of refusals of one place after which its toll no longer doubles."""
 HALF_LIFE = 30.0
-"""Seconds in which a toll falls by half: what stood there may be gone."""
+"""Seconds in which a toll falls by half, as the obstacle may be gone."""
 FORGOTTEN = 1.0
-"""Detour (robot's widths) below which a toll is dropped."""
+"""Toll (in robot widths) below which it is dropped."""
 MOST_PLANS = 5
-"""Plans made for one path at most: where no way is good many places are refused, and on a large map each plan is slow.
-"""
+"""Largest number of plans made to find one path, since a plan on a large map is slow."""
 
 Point = Tuple[float, float]
 
 
 class Toll(NamedTuple):
-    """A place, in the planners' frame, and what going round it may cost (m)."""
+    """A place (x, y in m, planners' frame) and the longest detour (m) to take round it."""
 
     place: Point
     detour: float
 
 
 class RefusedPlace(NamedTuple):
-    """Where the robot did not fit through, how often, and when last (s)."""
+    """A place (x, y in m) where the robot did not get through, how often, and the time (s) of the last refusal."""
 
     place: Point
     times: int
@@ -44,24 +43,24 @@ class RefusedPlace(NamedTuple):
 
 
 class RefusedPlaces:
-    """Remembers where the robot was refused, for one goal.
+    """Remembers where the controller found no way through, for one goal.
 
-    A gap hardly wider than the robot looks too narrow from its mouth, and wide enough from a metre away, from where
-    less of it is seen. A planner that remembers nothing sends the robot to and fro between two of them for ever.
+    A gap hardly wider than the robot may look too narrow from close by, and wide enough from a metre away, where less
+    of it is seen. Without this memory the robot would be sent back and forth between two such gaps for ever.
     """
 
     def __init__(self) -> None:
         self._places: List[RefusedPlace] = []
 
     def refuse(self, now: float, place: Point, width: float) -> None:
-        """Remember a place at `now` (s); what lies within the robot's `width` (m) of it is the same place."""
+        """Count a refusal of a place at `now` (s); places less than the robot's `width` (m) apart are the same."""
         here = next((known for known in self._places if math.dist(known.place, place) < width), None)
         if here is not None:
             self._places.remove(here)
         self._places.append(RefusedPlace(place, here.times + 1 if here is not None else 1, now))
 
     def tolls(self, now: float, width: float) -> Tuple[Toll, ...]:
-        """Return what is to be gone round at `now` (s) by a robot of some `width` (m)."""
+        """Return the tolls at `now` (s) for a robot of that `width` (m)."""
         tolls = (
             Toll(known.place, TOLL * width * 2.0 ** (min(known.times, DOUBLINGS) - 1 - (now - known.last) / HALF_LIFE))
             for known in self._places if known.last <= now
@@ -70,7 +69,12 @@ class RefusedPlaces:
 
 
 def refusing_place(costmap: CostGrid, poses: np.ndarray) -> Optional[Point]:
-    """Return the first place along a path, poses (N, 3) from the robot on, at which the robot does not fit; or None."""
+    """Return the first place along a path where the robot does not fit, None where it fits everywhere.
+
+    Args:
+        costmap: Snapshot of a costmap.
+        poses: The path from the robot on, shape (N, 3), in the costmap's frame.
+    """
     if len(poses) < 2:
         return None
     found: List[Point] = [(x, y) for x, y, _ in poses[costmap.blocks(poses)][:1].tolist()]
@@ -84,20 +88,20 @@ def refusing_place(costmap: CostGrid, poses: np.ndarray) -> Optional[Point]:
 def plan_round(
     tolls: Sequence[Toll], costmap: CostGrid, start: Pose2D, goal: Pose2D, plan: Callable[[CostGrid], Path]
 ) -> Path:
-    """Return a path whose length and tolls together are the least of those looked at.
+    """Return the path with the least sum of length and tolls among those tried.
 
-    The first path is planned on the snapshot as it is. Then the places it passes are closed and another one is planned,
-    and so on, until a path passes none or none is found. Only places on a path are closed: all at once might wall the
-    robot in.
+    The first path is planned on the unchanged snapshot. The places with a toll that it passes are then closed and
+    another path is planned, and so on, until a path passes none, none is found, or MOST_PLANS were made. Only places on
+    a path are closed, since closing all of them could enclose the robot.
 
     Args:
-        tolls: In the costmap's frame. A place within half the robot's width of start or goal has no toll.
-        costmap: The snapshot as it is.
-        start, goal: Of the plan.
+        tolls: In the costmap's frame. Places within half the robot's width of start or goal are left out.
+        costmap: The snapshot.
+        start, goal: Poses in the costmap's frame.
         plan: Plans on a snapshot.
 
     Raises:
-        PlanningError: That of the plan on the snapshot as it is, or CANCELED.
+        PlanningError: As raised by the first plan, or CANCELED.
     """
     path, reach, ends = plan(costmap), costmap.half_width, (start[:2], goal[:2])
     paid = [toll for toll in tolls if min(math.dist(toll.place, end) for end in ends) > reach]
@@ -127,9 +131,9 @@ def _passes(path: Path, place: Point, reach: float) -> bool:
 
 
 def _closed(costmap: CostGrid, places: Sequence[Point], ends: Sequence[Point]) -> CostGrid:
-    """Return a snapshot with discs as wide as two robots closed round some places.
+    """Return a snapshot in which discs with the robot's width as radius are closed (INSCRIBED) round some places.
 
-    Cells nearer to an end of the path stay open, or a robot right before a place could not leave it.
+    Cells nearer to start or goal than to the place stay open, or a robot right in front of a place could not get away.
     """
     costs, grid, reach = costmap.costs.copy(), costmap.grid, costmap.width
     cells = math.ceil(reach / grid.resolution)

@@ -1,4 +1,4 @@
-"""The plugins a user's lists name, made once each, and once more for every concurrency slot that asks for its own."""
+"""The plugins in a user's lists: each is made at start, and once more for each concurrency slot that uses it."""
 
 from __future__ import annotations
 
@@ -12,20 +12,20 @@ from mbf_relay.plugins import Plugin, PluginError, create, failure_text, find_cl
 P = TypeVar("P", bound=Plugin)
 
 FIRST_INSTANCE: Hashable = 0
-"""The instance of the plugins made at start: slot 0 of each action."""
+"""Key of the instances made at start: slot 0 of each action."""
 
 
 class PluginInstance(Generic[P]):
-    """One plugin and the calls into it, which never overlap.
+    """A plugin whose calls never overlap.
 
-    Calls are made by the thread that steps navigation, and by a service's where the plugin can be made once only; new
-    parameters come from any.
+    Calls are started by the thread that steps navigation, and by a service's thread where instance and slot share a
+    plugin that can be made only once; new parameters come from any thread.
 
     Args:
         plugin: The plugin.
         worker: Runs the calls.
-        costmap: Which one it works on: "global" or "local".
-        kind: The list the plugin stands in, for the worker.
+        costmap: The costmap it works on: "global" or "local".
+        kind: Name of the plugin's list, passed on to the worker.
     """
 
     def __init__(self, plugin: P, worker: Worker, costmap: str, kind: str) -> None:
@@ -34,8 +34,8 @@ class PluginInstance(Generic[P]):
         self._kind = kind
         self._worker = worker
         self._job: Optional[Job] = None
-        self._inside = threading.Lock()  # held by who is in the plugin
-        self._wanted: Deque[Any] = deque(maxlen=1)  # the newest parameters, until it has taken them
+        self._inside = threading.Lock()  # held during each call
+        self._wanted: Deque[Any] = deque(maxlen=1)  # the newest parameters, until they are applied
 
     @property
     def name(self) -> str:
@@ -44,22 +44,22 @@ class PluginInstance(Generic[P]):
 
     @property
     def busy(self) -> bool:
-        """Return whether a call is still in the plugin, be it one that was given up."""
+        """Return whether the last call has not returned yet, even if it was given up."""
         return self._job is not None and not self._job.done
 
     def call(self, task: Callable[[P], Any]) -> Job:
-        """Run `task` with the plugin on the worker, after the call that is in it; whoever minds asks first."""
+        """Run `task` with the plugin on the worker; it waits there for a running call, so ask `busy` first."""
         self._job = self._worker.start(lambda: self._run(task), self._kind)
         return self._job
 
     def failure_text(self, error: Exception) -> str:
-        """Return what an exception that came out of a call says, with its place in the plugin's module."""
+        """Return an exception of a call as text, with file and line in the plugin's module."""
         return failure_text(error, type(self.plugin).__module__)
 
     def reconfigure(self, parameters: Any) -> None:
-        """Give the plugin new parameters before its next call, or at once when it is idle; from any thread.
+        """Apply new parameters before the next call, or at once when the plugin is idle; from any thread.
 
-        That is no call: whoever looked whether the plugin is busy a moment ago may call it all the same.
+        This does not make the plugin `busy`.
         """
         self._wanted.append(parameters)
         self._worker.start(self._take_up_if_idle, self._kind)
@@ -72,7 +72,7 @@ class PluginInstance(Generic[P]):
                 self._inside.release()
 
     def _take_up(self) -> None:
-        """Have the plugin take what is wanted of it; only while it is held."""
+        """Apply waiting parameters; `_inside` must be held."""
         if self._wanted:
             self.plugin.reconfigure(self._wanted.pop())
 
@@ -87,19 +87,19 @@ class Registry(Generic[P]):
 
     Args:
         kind: Name of the list in the parameter file, for messages: "planners", "controllers", "recovery_behaviors".
-        config: The server's parameters: the list under `kind` and each plugin's own under its name.
-        base: What the plugins derive from.
-        known: Type names and the classes that do that job here.
+        config: The server's parameters: the list under `kind` and each plugin's group under its name.
+        base: Base class of the plugins.
+        known: Full class name by type name.
         worker: Runs the calls.
-        costmap: The costmap of plugins that name none: "global" or "local".
+        costmap: Default costmap of the plugins: "global" or "local".
 
-    A plugin of unknown type or with wrong parameters leaves the others alone: it is refused to whoever asks for it.
+    A plugin of unknown type or with wrong parameters does not affect the others; `choose` and `instance` refuse it.
 
     Attributes:
         failed: Why a plugin could not be made, by its name.
 
     Raises:
-        PluginError: The list is no list of names and types, or holds a name twice; the text says which.
+        PluginError: The list has an invalid entry, or a name twice; the text says which.
     """
 
     def __init__(
@@ -129,15 +129,15 @@ class Registry(Generic[P]):
         return [name for name in self._entries if name not in self.failed]
 
     def values(self, name: str) -> Mapping[str, Any]:
-        """Return a plugin's parameters as the user gave them; see `values_of`, with its errors."""
+        """Return a plugin's parameters as the user gave them; errors as for `values_of`."""
         return values_of(self._config, name, self.class_of(name))
 
     def type_of(self, name: str) -> str:
-        """Return the type a plugin was asked for by."""
+        """Return a plugin's type as given in the list."""
         return self._entries[name][0]
 
     def class_of(self, name: str) -> Type[P]:
-        """Return the class that type stands for."""
+        """Return the class of that type; PluginError where there is none."""
         return find_class(self.type_of(name), self._base, self._known)
 
     def plugin(self, name: str) -> P:
@@ -162,10 +162,10 @@ class Registry(Generic[P]):
         return chosen
 
     def instance(self, name: str, slot: Hashable) -> PluginInstance[P]:
-        """Return the plugin `name` of a slot; each slot has one of its own, so that slots do not wait for each other.
+        """Return a slot's instance of the plugin `name`, made if need be, so that slots do not wait for each other.
 
-        One that can be made once only, as where it offers a service, is shared by all, as in Move Base Flex; but for
-        controllers, whose path would be that of whoever came last.
+        Where a second instance cannot be made, as of a plugin that offers a service, slots share the first one, as in
+        Move Base Flex; not so for controllers, which keep a path.
 
         Raises:
             PluginError: It cannot be made.
@@ -188,10 +188,10 @@ class Registry(Generic[P]):
         return PluginInstance(plugin, self._worker, costmap, self.kind)
 
     def add(self, name: str, type_name: str) -> None:
-        """Make one more plugin, with the parameters under its name, or try again to make one that failed.
+        """Add a plugin with the parameters under its name, or try again to make one that failed.
 
         Raises:
-            PluginError: It cannot be made; everything is as it was then.
+            PluginError: It cannot be made; the registry is then unchanged.
         """
         before, self._entries = self._entries, {**self._entries, name: (type_name, self._costmap)}
         try:
@@ -202,7 +202,7 @@ class Registry(Generic[P]):
         self.failed.pop(name, None)
 
     def reconfigure(self, name: str, parameters: Any) -> None:
-        """Give a plugin new parameters, in every slot."""
+        """Give all instances of a plugin new parameters."""
         self._parameters[name] = parameters
         instances = {id(instance): instance for (of, _slot), instance in list(self._instances.items()) if of == name}
         for instance in instances.values():
@@ -233,12 +233,12 @@ def entries_of(kind: str, entries: Any, costmap: str) -> Dict[str, Tuple[str, st
 
 
 def group_of(config: Mapping[str, Any], name: str) -> Mapping[str, Any]:
-    """Return the group of parameters that stands under a plugin's name, empty where there is none.
+    """Return the group of parameters under a plugin's name, empty where there is none.
 
     As in ROS, "navfn/NavfnROS" is the group NavfnROS within the group navfn; in a file it may be written either way.
 
     Raises:
-        PluginError: What stands there is no group.
+        PluginError: There is a value of that name instead of a group.
     """
     values: Mapping[str, Any] = {}
     for found in (_descend(config, name.split("/")), config.get(name)):
@@ -249,10 +249,10 @@ def group_of(config: Mapping[str, Any], name: str) -> Mapping[str, Any]:
 
 
 def values_of(config: Mapping[str, Any], name: str, kind: Type[Plugin]) -> Mapping[str, Any]:
-    """Return the parameters under a plugin's name, and what they lack of its class's that the group beside has.
+    """Return the parameters under a plugin's name, completed from the group that its class `reads_also`.
 
     Raises:
-        PluginError: What stands under its name is no group.
+        PluginError: There is a value of that name instead of a group.
     """
     own, beside = group_of(config, name), config.get(kind.reads_also)
     if not isinstance(beside, Mapping):

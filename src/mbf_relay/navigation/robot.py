@@ -1,4 +1,4 @@
-"""The port through which navigation reaches a robot: tf and topics under ROS, the simulation itself in lockstep."""
+"""Navigation's interface to a robot: implemented by tf and topics under ROS, by the simulation in lockstep."""
 
 from __future__ import annotations
 
@@ -13,21 +13,22 @@ from mbf_relay.geometry import Pose2D, Twist2D
 from mbf_relay.outcomes import StaleDataError
 
 OVERRUN_PERIODS = 3.0
-"""Control periods a velocity stays in force without a new one; a plugin that thinks longer lets the robot stand."""
+"""Number of control periods after which the robot is stopped while a plugin still computes the next velocity."""
 TOO_OLD = 1.0
-"""Seconds after which what a plugin saw of the robot's surroundings is too old for a velocity thought of by it."""
+"""Computing time (s) above which a velocity is not sent, since the sensor data it was computed from is too old."""
 
 
 class Robot(abc.ABC):
-    """Where the robot is, how it moves, and how to move it.
+    """Pose and velocity of a robot, and commands to it.
 
     Attributes:
-        commanded: The velocity sent last; None where that is not known.
-        steering: Set where its wheels take a steering angle for a rate; velocities are rates here all the same.
-        paused: Whether drives and recoveries are to stand by, with their goals, until it is False again; may be set
+        commanded: The last command (body frame; m/s, rad/s); None where not known.
+        steering: Conversion for a base whose cmd_vel has a steering angle for angular.z; None for a turn rate, which
+            all velocities here have.
+        paused: Whether drives and recoveries stop the robot and keep their goals until this is False again; may be set
             from any thread.
-        delay: How late it does what it is told.
-        waits_for: Why a drive stands and does not ask its controller, as without a pose; empty where it does.
+        delay: Estimate of the delay from a command to the robot's motion.
+        waits_for: Why a drive has stopped the robot and does not call its controller; empty where it does.
     """
 
     commanded: Optional[Twist2D] = None
@@ -43,7 +44,7 @@ class Robot(abc.ABC):
         """Return the newest pose of the robot's base in `frame`.
 
         Raises:
-            TransformError: The frames are not connected or the newest relation is too old.
+            TransformError: The frames are not connected, or the newest transform is too old.
         """
 
     @abc.abstractmethod
@@ -56,7 +57,7 @@ class Robot(abc.ABC):
 
     @abc.abstractmethod
     def velocity(self) -> Twist2D:
-        """Return the newest velocity from odometry, body frame.
+        """Return the newest velocity from odometry (body frame; m/s, rad/s).
 
         Raises:
             StaleDataError: There is none, or it is too old.
@@ -64,20 +65,21 @@ class Robot(abc.ABC):
 
     @abc.abstractmethod
     def command(self, velocity: Twist2D) -> None:
-        """Send a velocity to the wheels; finite, within limits. `delay` is told of what really goes out."""
+        """Send a finite velocity to the robot, and tell `delay` what was really sent."""
 
     def pose_ahead(self, frame: str) -> float:
-        """Return by how much (s) the newest pose in `frame` is newer than the newest velocity; below 0 for older."""
+        """Return by how much (s) the newest pose in `frame` is newer than the newest velocity; negative for older."""
         return 0.0
 
     def caught_up(self, pose: Pose2D, frame: str) -> Pose2D:
-        """Return where a robot is now whose newest pose in `frame` may be older than odometry, as that tells since."""
+        """Return the newest `pose` in `frame`, extrapolated to odometry's time where it is older."""
         return self.delay.caught_up(pose, -self.pose_ahead(frame))
 
     def expected_in(self, pose: Pose2D, costmap: CostGrid) -> Pose2D:
-        """Return where a robot at `pose` now will be when it does what it is told next, both in a costmap's frame.
+        """Return the predicted pose at which the next command takes effect, for a robot at `pose` now.
 
-        It is carried no farther than to what it meets on its way, or it would take that for passed.
+        Both are in the costmap's frame. The prediction ends at the first obstacle on the way, or the robot would seem
+        to be beyond it.
         """
         ahead = max(0.0, self.pose_ahead(costmap.frame))
         if self.delay.seconds <= ahead:
@@ -87,22 +89,22 @@ class Robot(abc.ABC):
         return Pose2D(*map(float, way[min(checker.free_steps(way, pose), len(way) - 1)]))
 
     def note_motion(self, now: float, velocity: Twist2D) -> None:
-        """Learn how late it does what it is told, from its velocity `now` (s) as odometry tells it."""
+        """Update the estimate of the delay with odometry's velocity at `now` (s)."""
         self.delay.note(now, velocity)
 
     @property
     def unheard(self) -> str:
-        """Why no velocity reaches the wheels, empty where that is not known."""
+        """Why commands do not reach the robot, as without a subscriber; empty where nothing is known of it."""
         return ""
 
     @property
     def held_back(self) -> str:
-        """Who passes velocities on slower than they were sent, or not at all, and why; empty where nobody says so."""
+        """Which node reduces or blocks commands, such as velocity_guard, and why; empty where none does."""
         return ""
 
     @property
     def knows_its_motion(self) -> bool:
-        """Whether odometry tells how the robot moves."""
+        """Whether odometry is there and valid."""
         try:
             self.velocity()
         except StaleDataError:

@@ -1,4 +1,4 @@
-"""What no single range can tell: values that are allowed, and yet can hardly be meant."""
+"""Doubtful parameters: values within their ranges that are hardly meant, such as a speed in cm/s."""
 
 from __future__ import annotations
 
@@ -23,35 +23,36 @@ from mbf_relay.parameters import ParameterSet
 from mbf_relay.plugins import PluginError, find_class
 
 FASTEST = {"max_vel_x": 5.0, "max_vel_y": 5.0, "max_vel_trans": 5.0, "max_trans_vel": 5.0, "max_vel_lin": 5.0}
-"""Speeds (m/s) beyond which a value is more likely cm/s: indoor robots are slower, and their scans too slow for more.
-"""
+"""Top speeds (m/s) above which a value is probably in cm/s: indoor robots are slower."""
 FASTEST_TURN = {"max_vel_theta": 7.0, "max_rot_vel": 7.0, "max_rotational_vel": 7.0, "max_vel_th": 7.0}
-"""Turn rates (rad/s) beyond which a value is more likely in degrees."""
+"""Turn rates (rad/s) above which a value is probably in degrees per second."""
 WIDEST_TOLERANCE = {"xy_goal_tolerance": (2.0, "m"), "yaw_goal_tolerance": (math.tau, "rad")}
-"""Tolerances beyond which every goal is reached before it is driven to."""
+"""Goal tolerances above which most goals count as reached at once, with their units."""
 
 SAME_SIZE = 0.1
-"""Share by which the outlines of the two costmaps may differ, as by a padding of one of them."""
+"""Largest relative difference of the two costmaps' inscribed radii, as by a padding of one of them."""
 
 OUTLINES = ("footprint", "robot_radius")
-"""Parameters that tell the robot's outline; the first that is given does."""
+"""Parameters of the robot's outline; the first one that is given is used."""
 
 NEVER_MOVES = {
     "max_vel_trans": "drive", "max_trans_vel": "drive", "max_vel_x": "drive forward", "max_vel_theta": "turn",
     "max_rot_vel": "turn", "max_rotational_vel": "turn", "max_vel_th": "turn",
 }
-"""Top speeds, and what a robot never does where they are 0."""
+"""Top speeds, and what the robot never does where one is 0."""
 
 IDLE = "so that the layer marks nothing"
+"""Consequence, in doubts, of a layer without sensors where others have some; the next two: where none has, or where a
+costmap's whole group is missing."""
 BLIND = "so that nothing is seen there: the robot drives into what is not on the map"
 MAPLESS = "so that paths are planned without the map, and with the defaults of costmap_2d in all else"
 
 Doubt = Tuple[str, str]
-"""Name of the parameter below the node, and what there is to say of it."""
+"""Name of the parameter relative to the node, and the text."""
 
 
 def doubts(config: Mapping[str, Any]) -> List[Doubt]:
-    """Return what can hardly be meant in a server's parameters."""
+    """Return the doubtful values among a server's parameters."""
     found: List[Doubt] = []
     for side, follows in (("global_costmap", MAPLESS), ("local_costmap", BLIND)):
         if side not in config:
@@ -68,7 +69,7 @@ def doubts(config: Mapping[str, Any]) -> List[Doubt]:
 
 
 def _of_two_outlines(config: Mapping[str, Any]) -> List[Doubt]:
-    """Doubt that planner and controller are to drive robots of different sizes."""
+    """Return a doubt where the two costmaps have robots of different sizes."""
     inscribed = []
     for side in ("global_costmap", "local_costmap"):
         group = config.get(side)
@@ -88,7 +89,7 @@ def _of_two_outlines(config: Mapping[str, Any]) -> List[Doubt]:
 
 
 def _outline_of_what_drives(config: Mapping[str, Any]) -> str:
-    """Return the name of the parameter that the local costmap's outline is made of."""
+    """Return the name of the parameter that sets the local costmap's outline."""
     local = config.get("local_costmap")
     groups = {"local_costmap/": local if isinstance(local, Mapping) else {}, "": config}
     given = [f"{prefix}{name}" for prefix, group in groups.items() for name in OUTLINES if name in group]
@@ -114,7 +115,7 @@ def _of_costmap(group: Mapping[str, Any], config: Mapping[str, Any]) -> Iterator
 
 
 def _of_what_is_driven_by(group: Mapping[str, Any]) -> Iterator[Doubt]:
-    """Doubt a local costmap that shows nothing new, or a layer of it that shows nothing."""
+    """Yield doubts about a local costmap without sensors, layers of it without any, or without updates."""
     seeing = [(name, kind.groups(values)) for name, kind, values in _layers(group)
               if issubclass(kind, ObstacleLayerParameters)]
     if not _may_see(group):
@@ -138,7 +139,7 @@ def _of_what_is_driven_by(group: Mapping[str, Any]) -> Iterator[Doubt]:
 
 
 def _of_sources(group: Mapping[str, Any]) -> Iterator[Doubt]:
-    """Doubt that a sensor is meant of which only the name is told: it is a point cloud on a topic of that name."""
+    """Yield doubts about sources without a group of parameters: they become point clouds on a topic of their name."""
     for name, kind, values in _layers(group):
         if not issubclass(kind, ObstacleLayerParameters):
             continue
@@ -169,7 +170,7 @@ def _may_see(group: Mapping[str, Any]) -> bool:
 
 
 def _layers(group: Mapping[str, Any]) -> Iterator[Tuple[str, Type[ParameterSet], Any]]:
-    """Yield name, kind of parameters and values of each layer that takes part; what is none is told elsewhere."""
+    """Yield name, parameter set and values of each enabled layer; invalid ones are reported elsewhere."""
     with contextlib.suppress(ValueError):
         for name, type_name, values in layer_groups(group):
             with contextlib.suppress(ValueError):
@@ -178,7 +179,7 @@ def _layers(group: Mapping[str, Any]) -> Iterator[Tuple[str, Type[ParameterSet],
 
 
 def _of_inflation(group: Mapping[str, Any], inscribed: float) -> Iterator[Doubt]:
-    """Doubt that obstacles are to be inflated by less than the robot's inscribed radius (m), as Nav2 does."""
+    """Yield doubts about an inflation radius below the robot's inscribed radius (m), of which Nav2 warns too."""
     for name, kind, values in _layers(group):
         inflation = _number(values.get("inflation_radius"), otherwise=math.inf)
         if "inflation_radius" in kind.names() and inflation < inscribed:
@@ -190,7 +191,7 @@ def _of_inflation(group: Mapping[str, Any], inscribed: float) -> Iterator[Doubt]
 
 
 def _of_order(group: Mapping[str, Any]) -> Iterator[Doubt]:
-    """Doubt that obstacles are to be left without inflation, which reaches what layers listed before it have marked."""
+    """Yield a doubt about obstacle layers listed after the inflation layer, which then does not inflate them."""
     late: List[str] = []
     inflation = ""
     for name, kind, _values in _layers(group):
@@ -222,7 +223,7 @@ def _of_controller(group: Mapping[str, Any]) -> Iterator[Doubt]:
 
 
 def _rules_out_contacts(critics: Any) -> bool:
-    """Return whether one of DWA's critics, if these are, rules out what touches."""
+    """Return whether one of DWA's critics rules out trajectories in collision; True for lists that are not DWA's."""
     try:
         kinds = [find_class(name, Critic, CRITICS) for name in critics or ()]
     except (PluginError, TypeError, AttributeError):

@@ -1,4 +1,4 @@
-"""A goal's life: called off at most once, ended exactly once."""
+"""The state of a goal: it may be cancelled, and ends exactly once."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ class Ending(Enum):
 
 
 class Task(Generic[R]):
-    """What its owner holds of a goal it handed in.
+    """Handle of a goal: cancel, feedback, ending and result.
 
-    `cancel` may be called by any thread at any time; everything else belongs to the thread that steps navigation. A
-    cancel therefore takes effect at the next look, and the last look comes right before a velocity goes out.
+    `cancel` may be called from any thread at any time, all else only from the thread that steps navigation. That thread
+    checks for a cancel at each step, and once more right before it sends a velocity.
 
     Args:
         owner: The goal it is a part of, if any; cancelling that cancels this one.
@@ -35,12 +35,12 @@ class Task(Generic[R]):
         self._feedback: List[Any] = []
 
     def cancel(self) -> None:
-        """Call the goal off; it ends at the next update."""
+        """Request a cancel; the goal ends at the next update."""
         self._cancel_requested = True
 
     @property
     def cancel_requested(self) -> bool:
-        """Return whether the goal was called off."""
+        """Return whether this goal, or the one it is a part of, was cancelled."""
         return self._cancel_requested or (self._owner is not None and self._owner.cancel_requested)
 
     @property
@@ -55,11 +55,11 @@ class Task(Generic[R]):
 
     @property
     def result(self) -> Optional[R]:
-        """What came of it, None before it ended."""
+        """Its result, None before it ended."""
         return self._result
 
     def ended_with(self) -> R:
-        """Return what came of it; RuntimeError before it ended."""
+        """Return its result; RuntimeError before it ended."""
         if self._result is None:
             raise RuntimeError("the goal still runs; ask `done` first")
         return self._result
@@ -71,11 +71,11 @@ class Task(Generic[R]):
         self._result, self._ending = result, ending
 
     def add_feedback(self, feedback: Any) -> None:
-        """Report a step on the way; dropped once the goal ended."""
+        """Add feedback, of which the newest 100 are kept; dropped once the goal has ended."""
         if self._ending is None:
             self._feedback = self._feedback[-99:] + [feedback]
 
     def take_feedback(self) -> List[Any]:
-        """Return the reports since the last call, oldest first."""
+        """Return the feedback since the last call, oldest first."""
         taken, self._feedback = self._feedback, []
         return taken

@@ -1,4 +1,4 @@
-"""Poses to be reached one after the other: which is next, and when the robot has done."""
+"""The order of waypoints: which one is next, when to go there, and when all are done."""
 
 from __future__ import annotations
 
@@ -27,12 +27,12 @@ class WaypointFollowerParameters(ParameterSet):
 
 
 class WaypointFollower:
-    """Says when to drive to which of so many waypoints; told how each drive ended.
+    """Says which waypoint to drive to and when; `ended` is called after each drive.
 
     Attributes:
-        current: Index of the waypoint that was given last, or is given first.
-        loop: How often it has begun again.
-        missed: Index of each that was not reached.
+        current: Index of the present waypoint.
+        loop: Number of completed rounds.
+        missed: Index of each waypoint that was not reached, in the order of the drives.
     """
 
     def __init__(self, count: int, loops: int = 0, first: int = 0, pause: float = 0.0, stops: bool = False) -> None:
@@ -40,13 +40,13 @@ class WaypointFollower:
 
         Args:
             count: Number of waypoints.
-            loops: How often to begin again after the last.
-            first: Index of the one to begin with.
-            pause: Seconds to stand at each that was reached.
-            stops: End where one is not reached.
+            loops: Number of further rounds after the first.
+            first: Index of the first waypoint.
+            pause: Time (s) to stand at each waypoint that was reached.
+            stops: Whether to end at the first waypoint that is not reached.
 
         Raises:
-            ValueError: There is none, or `first` is none of them, or the pause is no time.
+            ValueError: There are no waypoints, `first` is out of range, or the pause is negative or not finite.
         """
         if count == 0:
             raise ValueError("there are no poses; give at least one")
@@ -62,7 +62,7 @@ class WaypointFollower:
 
     @property
     def is_over(self) -> bool:
-        """Whether there is nothing left to drive to."""
+        """Whether no waypoint is left."""
         return self._ahead is None
 
     @property
@@ -78,7 +78,7 @@ class WaypointFollower:
         return self._ahead
 
     def ended(self, now: float, reached: bool) -> None:
-        """Take note that the drive to the current one ended at `now` (s)."""
+        """Record that the drive to the current waypoint ended at `now` (s)."""
         if not reached:
             self.missed.append(self.current)
         last = self.current + 1 == self._count

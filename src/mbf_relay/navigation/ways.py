@@ -15,16 +15,16 @@ from mbf_relay.outcomes import StaleDataError, TransformError
 from mbf_relay.planning.path import Path
 
 STOOD_FOR = 2.0
-"""Seconds' worth of cycles without a velocity from the controller that count as one refusal of the place ahead."""
+"""Time (s) of refused control cycles, in all, that counts as one refusal of the place ahead."""
 
 
 class _Ahead(NamedTuple):
-    """What is seen along a path.
+    """The rest of a path on a snapshot of the global costmap.
 
     Attributes:
         costmap: The snapshot.
-        rest: Shape (N, 3): the path's poses in its frame, from the one nearest to the robot on.
-        is_blocked: Whether an obstacle lies on what is left of it.
+        rest: Poses from the one nearest to the robot on, shape (N, 3), in the costmap's frame.
+        is_blocked: Whether an obstacle lies on the rest.
     """
 
     costmap: CostGrid
@@ -33,14 +33,14 @@ class _Ahead(NamedTuple):
 
 
 class Ways:
-    """What one goal's drive has learnt: when it last switched to another way, and where it did not get through.
+    """Hysteresis between ways, and the places where the robot did not get through, for one move_base goal.
 
     Args:
-        robot: Tells frames.
-        costmap: The global one.
+        robot: Gives transforms.
+        costmap: The global costmap.
 
     Attributes:
-        refused: Cycles, over all drives, without a velocity since the last recovery, or the controller's last velocity.
+        refused: Number of refused control cycles, over all drives, since the last velocity or recovery.
     """
 
     def __init__(self, robot: Robot, costmap: Any) -> None:
@@ -90,7 +90,8 @@ class Ways:
         return ahead is not None and ahead.is_blocked
 
     def _refuse(self, now: float, path: Path, robot: Optional[FramedPose]) -> None:
-        """Remember, at `now` (s), the first place on a path where the robot does not fit, else the one just ahead."""
+        """Count a refusal, at `now` (s), of the first place where the robot does not fit, else of the place just ahead.
+        """
         ahead = self._ahead(path, robot)
         if ahead is not None and len(ahead.rest):
             arcs = np.hypot(*(ahead.rest[:, :2] - ahead.rest[0, :2]).T)
@@ -102,7 +103,7 @@ class Ways:
             self._refused.refuse(now, place, ahead.costmap.width)
 
     def _ahead(self, path: Path, robot: Optional[FramedPose]) -> Optional[_Ahead]:
-        """Return what is seen along a path, None where that cannot be told now."""
+        """Return the rest of a path on the costmap, None where a transform or the costmap is missing."""
         try:
             snapshot = self._costmap.snapshot()
             frame = self._costmap.frame

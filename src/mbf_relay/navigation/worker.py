@@ -1,4 +1,4 @@
-"""Where plugins run: inline for lockstep, on threads of their own under ROS, so that one that hangs stops nobody else.
+"""Workers that run calls of plugins: inline in lockstep, on threads under ROS, so that one that hangs blocks no other.
 """
 
 from __future__ import annotations
@@ -9,11 +9,11 @@ import threading
 from typing import Any, Callable, Deque, Optional
 
 READY = 2
-"""Threads made before the first task: a planner's and a controller's. A new one can take a busy system its time."""
+"""Threads made before the first task, for a planner and a controller, since a busy system starts new ones late."""
 
 
 class Job:
-    """A task handed to a worker; whoever started it asks whether it is done and then takes what came of it."""
+    """A task handed to a worker: ask `done`, then take `result`."""
 
     def __init__(self, task: Callable[[], Any]) -> None:
         self._task = task
@@ -35,16 +35,16 @@ class Job:
         return self._value
 
     def fail(self, error: Exception) -> None:
-        """Be done with an error, as where no thread can run the task."""
+        """End with an error without running the task, as where no thread can be started."""
         self._error, self._done = error, True
 
     def run(self) -> None:
-        """Run the task here and keep what comes of it."""
+        """Run the task in this thread and keep its result or exception."""
         try:
             self._value = self._task()
-        except Exception as error:  # whatever a plugin raises belongs to the one who called it
+        except Exception as error:  # raised again by `result`
             self._error = error
-        except SystemExit as error:  # a plugin ends its call, not the program
+        except SystemExit as error:  # sys.exit in a plugin must not end the program
             self._error = RuntimeError(f"SystemExit: {error}")
         finally:
             self._done = True
@@ -55,16 +55,16 @@ class Worker(abc.ABC):
 
     @abc.abstractmethod
     def start(self, task: Callable[[], Any], kind: str = "") -> Job:
-        """Run `task` and return at once, or when it is done where the worker is an inline one.
+        """Run `task`; return at once, or when it is done for an inline worker.
 
         Args:
-            task: What to do.
-            kind: The list whose plugin it calls, such as "planners", for a worker that keeps accounts.
+            task: The call.
+            kind: Name of the list whose plugin it calls, such as "planners"; for workers that count or time calls.
         """
 
 
 class InlineWorker(Worker):
-    """Runs each task where it is started: one thread, one order, one result per seed."""
+    """Runs each task in the calling thread, for results that depend on the seed only."""
 
     def start(self, task: Callable[[], Any], kind: str = "") -> Job:
         """Run `task` to its end."""
@@ -74,12 +74,13 @@ class InlineWorker(Worker):
 
 
 class ThreadWorker(Worker):
-    """Runs tasks on daemon threads that wait for the next one.
+    """Runs tasks on a pool of daemon threads that grows as needed.
 
-    A task that hangs keeps its thread and harms no other; there are as many threads as there were tasks at one time.
+    A task that hangs keeps its thread and delays no other. There are as many threads as there were tasks at one time,
+    and at least READY.
 
     Args:
-        on_done: Called on the task's thread after each one; must be quick.
+        on_done: Called on the task's thread after each task; must be quick.
     """
 
     def __init__(self, on_done: Callable[[], None] = lambda: None) -> None:
@@ -91,7 +92,7 @@ class ThreadWorker(Worker):
             self._start_thread()
 
     def start(self, task: Callable[[], Any], kind: str = "") -> Job:
-        """Hand `task` to an idle thread, or to a new one; where the system has none left, it is done with an error."""
+        """Run `task` on an idle or a new thread; where no thread can be started, the job ends with RuntimeError."""
         job = Job(task)
         with self._condition:
             self._waiting.append(job)
@@ -104,7 +105,7 @@ class ThreadWorker(Worker):
         except RuntimeError as error:
             with self._condition:
                 self._idle -= 1
-                if job in self._waiting:  # else a thread has come by
+                if job in self._waiting:  # otherwise another thread has taken it
                     self._waiting.remove(job)
                     job.fail(error)
             self._on_done()
