@@ -129,7 +129,7 @@ def as_json(comparison: Comparison) -> str:
 
 def _read(path: Path) -> List[EpisodeResult]:
     results, warnings = read_lines(path / LINES if path.is_dir() or not path.exists() else path)
-    if warnings and not results:
+    if warnings and not results and path.is_file() and path.name != LINES:
         raise ValueError(f"{path} holds no results; give a batch's folder, or the {LINES} in it")
     for warning in warnings:
         print(f"compare.py: {warning}", file=sys.stderr)

@@ -62,6 +62,17 @@ def test_who_gives_the_tables_is_told_what_to_give(tmp_path, capsys):
     assert "char 0" not in told
 
 
+def test_who_gives_a_batch_that_ended_in_its_first_line_is_told_of_that_line(tmp_path, capsys):
+    """He had given the folder, and was told to give the folder."""
+    folder, other = batch(tmp_path / "a", [10.0], {}), batch(tmp_path / "b", [10.0], {})
+    lines = folder / "episodes.jsonl"
+    lines.write_text(lines.read_text()[:40])
+    for given in folder, lines:
+        assert compare.main([str(given), str(other)]) == 1
+        told = capsys.readouterr().err
+        assert "line 1, is left out" in told and "give a batch's folder" not in told
+
+
 def test_nothing_in_common_and_nothing_there_are_errors(tmp_path, capsys):
     first = batch(tmp_path / "a", [10.0], {})
     second = tmp_path / "b"
