@@ -16,7 +16,7 @@ from mbf_relay.ros.common.clock_watch import ClockWatch
 from mbf_relay.timing import ROUNDING
 
 STILL_CLOCK = 1.0
-"""Longest wall seconds between two steps, also while ROS time stands still or was set back."""
+"""Longest wall seconds between two steps while one is due, also while ROS time stands still or was set back."""
 STEP_PATIENCE = 1.0
 """Wall seconds after which a step counts as hanging."""
 CLOCK_PATIENCE = 2.0

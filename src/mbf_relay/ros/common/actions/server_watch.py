@@ -3,7 +3,8 @@
 A server publishes its status several times a second of ROS time. A closed connection is the first sign of its end, the
 second is silence; then its node is called directly (XML-RPC getPid). If it answers, it is alive and may be silent
 because the ROS clock stands still. If it refuses the connection, it is gone. If it does not answer, it has
-`silence_timeout`. The master is asked only for the node's address where no connection tells it, with the same timeout.
+`silence_timeout`. The master is asked only for the node's address where no connection tells it, and like the node for
+no longer than ASK_TIMEOUT, as it may hang itself.
 
 The time of silence is summed up from check to check, and each adds LOOK at most: a check that comes late, or a jump of
 the ROS clock, is no evidence that the server was silent.
