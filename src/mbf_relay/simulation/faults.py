@@ -14,7 +14,8 @@ class Faults(ParameterSet):
 
     lidar_silent: bool = parameter(False, "no scans are published")
     lidar_frozen: bool = parameter(False, "scans are published on time with the last readings repeated")
-    dead_beams: float = parameter(0.0, "share of neighbouring beams that read 0", minimum=0.0, maximum=1.0)
+    dead_beams: float = parameter(
+        0.0, "share of a full turn's beams, side by side, that read 0 where they are in view", minimum=0.0, maximum=1.0)
     dead_beams_start: float = parameter(
         0.0,
         "direction of the first dead beam, counter-clockwise from straight ahead",

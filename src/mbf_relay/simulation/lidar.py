@@ -109,9 +109,9 @@ class Lidar:
         return ranges
 
     def _without_dead_beams(self, ranges: np.ndarray, faults: Faults) -> np.ndarray:
-        """Return a copy of the readings, shape (B,), in which the dead beams read 0."""
-        ranges = ranges.copy()
+        """Return a copy of the readings, shape (B,), in which the dead beams read 0; those out of view are ignored."""
+        ranges, turn = ranges.copy(), self._parameters.scan_beams
         first = round((faults.dead_beams_start - self._first) / self._increment)
-        dead = (first + np.arange(round(faults.dead_beams * len(ranges)))) % len(ranges)
-        ranges[dead] = DEAD
+        dead = (first + np.arange(round(faults.dead_beams * turn))) % turn
+        ranges[dead[dead < len(ranges)]] = DEAD
         return ranges

@@ -12,6 +12,7 @@ import trial  # noqa: E402
 from mbf_relay.geometry import Pose2D, Twist2D, angle_between  # noqa: E402
 from mbf_relay.simulation import Simulation  # noqa: E402
 from mbf_relay.simulation.arena import arena  # noqa: E402
+from mbf_relay.simulation.faults import Faults  # noqa: E402
 from mbf_relay.simulation.frames import Frame  # noqa: E402
 from mbf_relay.simulation.parameters import SimulationParameters  # noqa: E402
 from mbf_relay.simulation.shapes import Body, Cylinder, Sphere  # noqa: E402
@@ -139,6 +140,18 @@ def test_a_lidar_that_looks_into_a_sector_sees_what_one_all_round_sees_there(vie
     assert sector.angle_min == pytest.approx(-0.5 * math.radians(beams - 1))
     first = round(sector.angle_min / math.radians(0.5))
     np.testing.assert_allclose(sector.ranges, whole.ranges[(first + 2 * np.arange(beams)) % 720], atol=1e-6)
+
+
+@pytest.mark.parametrize("start, share, dead", [
+    (0.5 * math.pi, 0.25, []), (math.pi, 0.25, []), (math.pi, 0.3, range(18)), (-math.pi, 0.3, range(18)),
+    (1.25, 0.25, range(161, 180)), (0.0, 0.5, range(90, 180)), (0.0, 1.0, range(180))])
+def test_beams_that_die_out_of_view_of_a_sector_kill_none_in_it(start, share, dead):
+    """A lidar that looks ahead lost what it saw to the right, as its dead beams were to its left or behind it."""
+    walls = [trial.box("wall", 1.0, y, (1.0, 2.0, 1.0)) for y in (-2.0, 0.0, 2.0)]
+    with trial.simulate(walls, scan_view=math.pi, scan_range_max=40.0) as simulation:
+        simulation.faults = Faults(dead_beams=share, dead_beams_start=start)
+        ranges = trial.last_scan(simulation).ranges
+    assert np.flatnonzero(ranges == 0.0).tolist() == list(dead)
 
 
 def test_a_skewed_scan_of_a_sector_is_stamped_in_the_middle_of_that():
