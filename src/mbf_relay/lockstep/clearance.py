@@ -23,10 +23,12 @@ class Clearances(NamedTuple):
     Attributes:
         to_any: To the nearest of all bodies, shape (N,).
         to_movers: To each mover, shape (M, N).
+        jumps: Whether each mover jumps from its last waypoint to its first before the next time, shape (M, N - 1).
     """
 
     to_any: np.ndarray
     to_movers: np.ndarray
+    jumps: np.ndarray
 
 
 def clearances(world: World, times: np.ndarray, poses: np.ndarray, robot: RobotModel) -> Clearances:
@@ -46,7 +48,10 @@ def clearances(world: World, times: np.ndarray, poses: np.ndarray, robot: RobotM
     to_movers = np.full((len(world.movers), len(poses)), math.inf)
     for row, mover in zip(to_movers, world.movers):
         row[:] = _clearances_to(mover, times, poses, hull, height)
-    return Clearances(np.minimum(to_fixed, to_movers.min(axis=0, initial=math.inf)), to_movers)
+    jumps = np.zeros((len(world.movers), max(0, len(times) - 1)), dtype=bool)
+    for index, mover in enumerate(world.movers):
+        jumps[index] = mover.jumps(times)
+    return Clearances(np.minimum(to_fixed, to_movers.min(axis=0, initial=math.inf)), to_movers, jumps)
 
 
 def smallest(distances: np.ndarray) -> Optional[float]:
@@ -55,7 +60,7 @@ def smallest(distances: np.ndarray) -> Optional[float]:
     return least if math.isfinite(least) else None
 
 
-def smallest_time_to_collision(times: np.ndarray, distances: np.ndarray) -> Optional[float]:
+def smallest_time_to_collision(times: np.ndarray, distances: np.ndarray, jumps: np.ndarray) -> Optional[float]:
     """Return the smallest time to collision (s) with any mover, at the closing speed between samples.
 
     None where the robot and a mover never approached each other.
@@ -65,10 +70,12 @@ def smallest_time_to_collision(times: np.ndarray, distances: np.ndarray) -> Opti
     Args:
         times: Shape (N,), seconds, rising.
         distances: From hull to each mover, shape (M, N) in metres.
+        jumps: Whether each mover jumps between one time and the next, which is no approach, shape (M, N - 1).
     """
-    distances = distances[np.isfinite(distances).all(axis=1)]
+    seen = np.isfinite(distances).all(axis=1)
+    distances = distances[seen]
     speeds = -np.diff(distances, axis=1) / np.diff(times)
-    closing = speeds > CLOSING
+    closing = (speeds > CLOSING) & ~jumps[seen]
     return smallest(distances[:, 1:][closing] / speeds[closing])
 
 

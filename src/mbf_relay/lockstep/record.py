@@ -101,7 +101,7 @@ class Record:
             mean_clearance=float(around.mean()) if len(around) else None,
             close_time=float(periods @ (near.to_any[1:] < outcomes.CLOSE)),
             closest_approach=smallest(to_movers),
-            time_to_collision=smallest_time_to_collision(times, near.to_movers),
+            time_to_collision=smallest_time_to_collision(times, near.to_movers, near.jumps),
             personal_space_time=float(periods @ (to_movers[1:] < outcomes.PERSONAL_SPACE)),
             recoveries=self.recoveries, reference_path_length=reference,
             score=None if reference is None else outcomes.score(success, float(driven[-1]), reference, top_speed),

@@ -72,6 +72,15 @@ class Mover:
         rotation = self._turned(theta) if self._rotation is None else self._rotation
         return Frame(np.array([x, y, self._level.position[2]]), rotation)
 
+    def jumps(self, times: np.ndarray) -> np.ndarray:
+        """Return whether it jumps to its first waypoint between one time (s), shape (N,), and the next: (N - 1,) bool.
+        """
+        period = self.times[-1]
+        if not self.loop or period <= 0.0 or np.allclose(self.poses[0, :2], self.poses[-1, :2]):
+            return np.zeros(max(0, len(times) - 1), dtype=bool)
+        made: np.ndarray = np.diff(times // period) != 0.0
+        return made
+
     def _turned(self, yaw: float) -> np.ndarray:
         """Return the body's rotation matrix at a heading `yaw` (rad)."""
         rotation: np.ndarray = rotation_from_rpy(0.0, 0.0, yaw) @ self._level.rotation

@@ -16,12 +16,17 @@ from mbf_relay.geometry import Pose2D  # noqa: E402
 from mbf_relay.lockstep.clearance import smallest_time_to_collision  # noqa: E402
 from mbf_relay.lockstep.episode import Episode  # noqa: E402
 from mbf_relay.lockstep.pictures import drive_of  # noqa: E402
+from mbf_relay.lockstep.record import Record  # noqa: E402
 from mbf_relay.lockstep.result import EpisodeResult  # noqa: E402
 from mbf_relay.lockstep.settings import config_folder  # noqa: E402
 from mbf_relay.lockstep.setup import SERVER, make_setup  # noqa: E402
-from mbf_relay.lockstep.tasks import load_tasks  # noqa: E402
+from mbf_relay.lockstep.tasks import EpisodeTask, load_tasks  # noqa: E402
 from mbf_relay.lockstep.touches import Touches  # noqa: E402
 from mbf_relay.simulation.contacts import Contact  # noqa: E402
+from mbf_relay.simulation.frames import Frame  # noqa: E402
+from mbf_relay.simulation.robot_file import load_robot  # noqa: E402
+from mbf_relay.simulation.shapes import Body, Cylinder  # noqa: E402
+from mbf_relay.simulation.world import Mover, World  # noqa: E402
 
 AHEAD = Contact("post", (0.04, 0.0, 0.1), (-1.0, 0.0, 0.0))
 FROM_BEHIND = Contact("walker", (-0.1, 0.0, 0.1), (1.0, 0.0, 0.0))
@@ -63,10 +68,22 @@ def test_a_hull_that_scrapes_along_a_wall_touches_it_once():
 def test_time_to_collision_is_distance_over_closing_speed():
     times = np.array([0.0, 0.1, 0.2, 0.3])
     distances = np.array([[1.0, 0.9, 0.8, 0.85], [0.2, 0.2, 0.2, 0.2]])
-    assert smallest_time_to_collision(times, distances) == pytest.approx(0.8)
-    assert smallest_time_to_collision(times, distances[1:]) is None, "what keeps its distance is no danger"
-    assert smallest_time_to_collision(times, np.full((1, 4), math.inf)) is None
-    assert smallest_time_to_collision(times, np.zeros((0, 4))) is None
+    never = np.zeros((2, 3), dtype=bool)
+    assert smallest_time_to_collision(times, distances, never) == pytest.approx(0.8)
+    assert smallest_time_to_collision(times, distances[1:], never[1:]) is None, "what keeps its distance is no danger"
+    assert smallest_time_to_collision(times, np.full((1, 4), math.inf), never[1:]) is None
+    assert smallest_time_to_collision(times, np.zeros((0, 4)), never[2:]) is None
+
+
+def test_a_mover_that_starts_over_does_not_come_as_fast_as_it_jumps():
+    """One that walked away and began anew 4 m off was told as a collision within a tenth of a second."""
+    body = Body("walker", Cylinder(0.2, 1.7), Frame.of(0.0, 0.0, 0.85))
+    walker = Mover(body, np.array([0.0, 5.0]), np.array([[4.0, 0.0, 0.0], [9.0, 0.0, 0.0]]))
+    world = World("walked", (), movers=(walker,))
+    record = Record(EpisodeTask("walked", world, (HERE,), 30.0), 1, 0.0, load_robot("burger"))
+    for time in np.arange(0.0, 12.0, 0.1):
+        record.note(float(time), HERE, HERE)
+    assert record.result("TIMEOUT", "", 0.22, [], None, {}).time_to_collision is None
 
 
 def driven(tmp_path, world, after_contact, **server):
