@@ -9,8 +9,8 @@ import numpy as np
 
 from mbf_relay.lockstep.clearance_kernels import hull_clearances
 from mbf_relay.simulation.frames import Frame
-from mbf_relay.simulation.robot import RobotModel
-from mbf_relay.simulation.shapes import cut
+from mbf_relay.simulation.robot import ROLLED_OVER, RobotModel
+from mbf_relay.simulation.shapes import bounds, cut
 from mbf_relay.simulation.world import Mover, World
 
 CLOSING = 0.01
@@ -38,16 +38,16 @@ def clearances(world: World, times: np.ndarray, poses: np.ndarray, robot: RobotM
         world: The world with its movers.
         times: Seconds since the movers' start, shape (N,).
         poses: Poses of the robot in the world's frame, shape (N, 3) as x, y, theta in metres and radians.
-        robot: The robot; bodies are cut at half its height, and its outline seen from above counts.
+        robot: The robot; bodies are cut at half its height, or in the middle of the part abreast of it where they do
+            not reach there, and its outline seen from above counts.
     """
-    height, hull = robot.height / 2.0, np.ascontiguousarray(robot.outline)
+    hull = np.ascontiguousarray(robot.outline)
     poses = np.ascontiguousarray(poses, dtype=float)
     to_fixed = np.full(len(poses), math.inf)
-    fixed = np.array(world.outline(height)).reshape(-1, 4)  # a copy: kernels accept writable arrays only
-    hull_clearances(poses, hull, fixed, to_fixed)
+    hull_clearances(poses, hull, _fixed_outline(world, robot.height), to_fixed)
     to_movers = np.full((len(world.movers), len(poses)), math.inf)
     for row, mover in zip(to_movers, world.movers):
-        row[:] = _clearances_to(mover, times, poses, hull, height)
+        row[:] = _clearances_to(mover, times, poses, hull, robot.height)
     jumps = np.zeros((len(world.movers), max(0, len(times) - 1)), dtype=bool)
     for index, mover in enumerate(world.movers):
         jumps[index] = mover.jumps(times)
@@ -88,8 +88,30 @@ def smallest_clearance(world: World, times: np.ndarray, poses: np.ndarray, robot
     return smallest(clearances(world, times, poses, robot).to_any)
 
 
+def _fixed_outline(world: World, tall: float) -> np.ndarray:
+    """Return the outline of the fixed bodies abreast of a robot `tall` metres high: segments, shape (M, 4) in metres.
+    """
+    triangles, owners = world.fixed_triangles()
+    lowest, highest = bounds(triangles[:, :, 2])
+    starts = np.flatnonzero(np.diff(owners, prepend=-1))  # each body's triangles follow one another
+    low, high = (f.reduceat(z, starts) if len(starts) else z for f, z in ((np.minimum, lowest), (np.maximum, highest)))
+    segments = [world.outline(tall / 2.0)]
+    ends = np.append(starts[1:], len(triangles))
+    for index in np.flatnonzero((high <= tall / 2.0) | (low > tall / 2.0)):
+        segments.append(_abreast(triangles[starts[index]:ends[index]], tall))
+    return np.concatenate(segments).reshape(-1, 4)
+
+
+def _abreast(triangles: np.ndarray, tall: float) -> np.ndarray:
+    """Return the outline of one body, shape (N, 3, 3), abreast of a robot `tall` metres high: (M, 2, 2) in metres."""
+    low, high = max(ROLLED_OVER, triangles[:, :, 2].min()), min(tall, triangles[:, :, 2].max())
+    if low >= high:
+        return np.empty((0, 2, 2))
+    return cut(triangles, tall / 2.0 if low <= tall / 2.0 < high else (low + high) / 2.0)[0]
+
+
 def _clearances_to(
-    mover: Mover, times: np.ndarray, poses: np.ndarray, hull: np.ndarray, height: float
+    mover: Mover, times: np.ndarray, poses: np.ndarray, hull: np.ndarray, tall: float
 ) -> np.ndarray:
     """Return the distance (m) to a mover at each time, shape (N,), with the robot's poses taken to the mover's frame.
 
@@ -97,10 +119,10 @@ def _clearances_to(
         mover: The mover.
         times, poses: The robot's trajectory, as for `clearances`.
         hull: The robot's outline, shape (K, 2) in metres, base frame.
-        height: Height (m) at which the mover is cut.
+        tall: The robot's height (m).
     """
     upright = Frame.from_pose(mover.frame_at(0.0).flat()).inverse().compose(mover.frame_at(0.0))
-    outline = cut(upright.transform_points(mover.body.shape.triangles()), height)[0].reshape(-1, 4)
+    outline = _abreast(upright.transform_points(mover.body.shape.triangles()), tall).reshape(-1, 4)
     distances = np.full(len(poses), math.inf)
     seen = [
         mover.frame_at(float(time)).flat().inverse().transform_poses(pose[None])[0] for time, pose in zip(times, poses)

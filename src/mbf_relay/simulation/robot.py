@@ -21,6 +21,8 @@ SCAN_FRAME, IMU_FRAME, BASE_FRAME, FOOTPRINT_FRAME = "base_scan", "imu_link", "b
 AXLE = Frame.of(0.0, 0.0, roll=-math.pi / 2.0)
 """Rotates a wheel's axis from z to y."""
 
+ROLLED_OVER = 0.01
+"""Height (m) up to which bodies are ignored, as the robot rolls over them: thresholds, mats, seams of floors."""
 LOWEST_LOOK, STEP_BETWEEN_LOOKS = 0.005, 0.04
 """Lowest height (m) at which the world is cut to test whether the robot fits, and the largest step between heights."""
 

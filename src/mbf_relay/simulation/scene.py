@@ -11,7 +11,7 @@ from mbf_relay.geometry import Pose2D
 from mbf_relay.simulation import clearance
 from mbf_relay.simulation.contacts import Contact, Contacts
 from mbf_relay.simulation.physics import FIXED, LOOSE, ROBOT, Physics
-from mbf_relay.simulation.robot import RobotModel
+from mbf_relay.simulation.robot import ROLLED_OVER, RobotModel
 from mbf_relay.simulation.shapes import Body, Mesh, bounds, level, subdivided
 from mbf_relay.simulation.surface import Surface
 from mbf_relay.simulation.world import Mover, World
@@ -22,8 +22,6 @@ LONGEST_EDGE = 0.8
 """Longest edge (m) of a triangle in the collision mesh; see `subdivided`."""
 REACHED, SWAY = 1.0, 0.1
 """Height (m) up to which loose bodies collide with the fixed surface, and the same for the robot, above its top."""
-ROLLED_OVER = 0.01
-"""Height (m) up to which bodies are ignored, as the robot rolls over them: thresholds, mats, seams of floors."""
 SEEN_BAND = 0.5
 """Distance (m) above and below the lidar within which beams can hit a surface when the robot tilts a little."""
 

@@ -74,13 +74,24 @@ def test_clearance_to_a_pillar_and_in_an_empty_world():
     made = smallest_clearance(World("one", (pillar(1.0, 0.0),)), np.arange(2.0), poses, BURGER)
     assert made == pytest.approx(1.0 - 0.1 - 0.2 - HULL[:, 0].max(), abs=2e-4)
     assert smallest_clearance(World("none", ()), np.arange(2.0), poses, BURGER) is None
-    assert (
-        smallest_clearance(
-            World("below", (Body("sill", Box((9.0, 9.0, 0.02)), Frame.of(0.0, 0.0, 0.01)),)), np.arange(2.0), poses,
-            BURGER,
-        )
-        is None
-    )
+
+
+@pytest.mark.parametrize("low, high", [(0.0, 0.1), (0.3, 0.32), (0.0, 0.5), (0.3, 2.0)])
+@pytest.mark.parametrize("moves", [False, True])
+def test_clearance_to_what_is_low_or_hangs_is_told(low, high, moves):
+    """A robot 0.4 m high touched a box of 0.1 m, and its clearance was told as if nothing had been there."""
+    medium = load_robot("medium")
+    thing = Body("thing", Box((0.2, 0.2, high - low)), Frame.of(1.0, 0.0, 0.5 * (low + high)))
+    mover = Mover(thing, np.zeros(1), np.array([[1.0, 0.0, 0.0]]))
+    world = World("one", (), movers=(mover,)) if moves else World("one", (pillar(0.0, 9.0), thing, pillar(0.0, -9.0)))
+    made = smallest_clearance(world, np.zeros(1), np.zeros((1, 3)), medium)
+    assert made == pytest.approx(1.0 - 0.1 - medium.outline[:, 0].max(), abs=1e-9)
+
+
+@pytest.mark.parametrize("low, high", [(0.0, 0.01), (0.2, 0.3)])
+def test_what_is_rolled_over_or_passed_under_has_no_clearance(low, high):
+    slab = Body("slab", Box((9.0, 9.0, high - low)), Frame.of(0.0, 0.0, 0.5 * (low + high)))
+    assert smallest_clearance(World("slab", (slab,)), np.zeros(1), np.zeros((1, 3)), BURGER) is None
 
 
 def test_clearance_to_a_mover_counts_where_it_is_at_that_time():
