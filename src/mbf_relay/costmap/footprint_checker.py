@@ -1,4 +1,4 @@
-"""The footprint on a costmap: where it touches, for one pose, along paths and for batches of trajectories."""
+"""Collision checks of the footprint on a costmap: for poses, along paths and for batches of trajectories."""
 
 from __future__ import annotations
 
@@ -13,22 +13,25 @@ from mbf_relay.costmap.cost_grid import LETHAL, NO_INFORMATION, CostGrid
 from mbf_relay.distances import distances_to_zeros
 from mbf_relay.geometry import Pose2D
 
-CORNER_MOVES = 0.042  # of a cell: how far half a step between the headings drawn beforehand moves the outermost corner
+CORNER_MOVES = 0.042
+"""Cells that the outermost corner may move between a heading and the nearest precomputed one."""
 LEAST_HEADINGS = 64
+"""Precomputed headings of a full circle, at least; their number is a multiple of it."""
 MOST_DRAWN = 8_000_000
-"""Points of all headings drawn beforehand, 64 MiB; a larger robot is drawn at fewer, and is off by up to a cell."""
+"""Outline points of all precomputed headings, 64 MiB. Larger robots get fewer headings and an error of up to a cell."""
 FAR = np.float32(1e6)
-"""Cells: farther than any obstacle, and a number one can go on with."""
+"""Distance (cells) where there is no obstacle: finite, so that it can be computed with."""
 APART = 1.5
-"""Cells: more than cells that touch are apart, and so by how much more their distances to an obstacle can differ."""
+"""Cells: above sqrt(2), the largest distance between the centres of cells that touch, and so the most by which their
+distances to an obstacle differ."""
 
 
 class FreeWay(NamedTuple):
-    """How far trajectories are free.
+    """How far each of N trajectories is free of contact.
 
     Attributes:
-        steps: Shape (N,), int64: poses before the first contact.
-        highest_costs, summed_costs: Shape (N,): the highest and the summed cost under the centre at these poses.
+        steps: Shape (N,), int64: number of poses before the first contact.
+        highest_costs, summed_costs: Shape (N,): highest and summed cost of the cells under the base at these poses.
     """
 
     steps: np.ndarray
@@ -37,22 +40,22 @@ class FreeWay(NamedTuple):
 
 
 class FootprintChecker:
-    """Where the robot's footprint touches: the one answer for planner, controller and recovery.
+    """Collision checker for one snapshot, shared by planners, controllers and recovery behaviours.
 
-    The outline is sampled every third of a cell. It touches where a point lies in a lethal or unknown cell, or outside
-    the grid, by more than the costmap's `obstacle_overlap` beyond the nearest free cell: an obstacle lies anywhere in
-    its cell, half a cell deep on average. (costmap_2d draws lines between the corners' cells, and is off by as much
-    either way.) What a snapshot is asked many times is computed once, at the first question.
+    The outline is sampled every third of a cell. It is in contact where a point lies in a lethal or unknown cell, or
+    outside the grid, deeper than the costmap's `obstacle_overlap` (a share of a cell) from a free neighbour cell: an
+    obstacle may lie anywhere in its cell, on average half a cell deep. (costmap_2d draws lines between the corners'
+    cells, with errors of that size both ways.) Distance fields are computed when first needed, and kept.
 
     Args:
         costmap: The snapshot.
-        unknown_touches: False where the robot may be in unknown cells, and beyond the grid, of which nothing is known.
+        unknown_touches: Whether unknown cells and what lies outside the grid count as obstacles.
 
     Attributes:
-        step: Best distance (m) between poses to check: a fifth of a cell.
-        turn_step: Best angle (rad) between headings on one spot, by which the outermost corner moves a `step`.
-        longest_step, longest_turn: Longest distance (m) and angle (rad) between poses to check: farther apart, an edge
-            of the footprint may pass over a single lethal cell unnoticed.
+        step: Recommended distance (m) between poses to check: a fifth of a cell.
+        turn_step: Recommended angle (rad) between headings on one spot; the outermost corner then moves by `step`.
+        longest_step, longest_turn: Largest distance (m) and angle (rad) between poses to check. With more, an edge of
+            the footprint may pass over a single lethal cell between two poses.
     """
 
     def __init__(self, costmap: CostGrid, unknown_touches: bool = True) -> None:
@@ -72,13 +75,13 @@ class FootprintChecker:
         self.longest_turn = self.longest_step / max(self._radius, grid.resolution)
 
     def _distances_to(self, farthest: float = math.inf) -> np.ndarray:
-        """Return `distances_to_obstacles`, known at least as far (cells) as that; most is asked of what is near."""
+        """Return `distances_to_obstacles`, exact at least up to `farthest` (cells)."""
         if farthest > self._known_to:
             self._distances, self._known_to = distances_to_obstacles(self._costs, farthest, self._highest), farthest
         return self._distances
 
     def touches(self, poses: np.ndarray) -> np.ndarray:
-        """Return for each pose, (N, 3), whether the footprint touches; no field of distances is made for it."""
+        """Return for each pose, (N, 3), whether the footprint is in contact: (N,), bool. Needs no distance field."""
         touching = np.empty(len(poses), np.uint8)
         footprint_checker_kernels.touching(
             self._costs, *self._place, self._outlines, self._boxes, self._radius, self._overlap, self._highest,
@@ -87,7 +90,7 @@ class FootprintChecker:
         return touching.astype(bool)
 
     def leaves_grid(self, poses: np.ndarray) -> np.ndarray:
-        """Return for each pose, (N, 3), whether a part of the footprint lies outside the grid."""
+        """Return for each pose, (N, 3), whether a corner of the footprint lies outside the grid: (N,), bool."""
         headings = np.ascontiguousarray(poses[:, 2:])
         sines, cosines = np.sin(headings), np.cos(headings)
         x, y = self._corners.T
@@ -97,7 +100,7 @@ class FootprintChecker:
         return ~np.asarray(inside.all(axis=1))
 
     def contacts_at(self, pose: Pose2D, scale: float = 1.0) -> int:
-        """Return how many points of the outline, a third of a cell apart, lie on an obstacle at a pose."""
+        """Return how many points of the outline, a third of a cell apart, are in contact at a pose."""
         return int(
             footprint_checker_kernels.contacts(
                 self._costs, *self._place, self._outlines, self._radius, self._overlap, self._highest,
@@ -106,10 +109,10 @@ class FootprintChecker:
         )
 
     def depths_at(self, pose: Pose2D) -> np.ndarray:
-        """Return how deep (cells) the footprint reaches into what it touches, shape (2,): the deepest, and the sum.
+        """Return how deep (cells) the footprint penetrates obstacles, shape (2,): the largest depth, and their sum.
 
-        Both are below 0 where it touches nothing, or so much that it takes too long to tell. What lies within it is
-        touched, though no side is: in its padding something may stand.
+        Both are -1 without contact, and where there are too many cells to look at; see `MOST_LOOKED_AT`. A cell wholly
+        within the footprint counts although the outline does not touch it: something may stand within the padding.
         """
         found, nothing = np.empty(2), np.full(2, -1.0)
         footprint_checker_kernels.depths(
@@ -122,14 +125,14 @@ class FootprintChecker:
     def first_contacts(
         self, poses: np.ndarray, counts: np.ndarray, scales: np.ndarray, begin: Optional[Pose2D] = None
     ) -> FreeWay:
-        """Return how far each trajectory of a batch is free, and what it passes.
+        """Return how far each trajectory of a batch is free, and the costs it passes.
 
         Args:
-            poses: Shape (N, S, 3), float64, C-contiguous.
-            counts: Shape (N,), int64: poses of each trajectory.
+            poses: Shape (N, S, 3), float64, C-contiguous, in the costmap's frame.
+            counts: Shape (N,), int64: number of poses of each trajectory.
             scales: Shape (N,), float64: factor on the footprint.
-            begin: Where the robot is, if what touches there is no end of it: that may be left, or passed along a side,
-                and not entered deeper.
+            begin: The robot's pose. If the footprint is in contact there, a trajectory may go on as long as it does not
+                enter obstacles deeper. None: any contact ends a trajectory.
         """
         known = self._radius * float(scales.max(initial=0.0)) / self.costmap.grid.resolution + APART
         way = FreeWay(np.empty(len(poses), np.int64), np.empty(len(poses)), np.empty(len(poses)))
@@ -156,29 +159,32 @@ class FootprintChecker:
         return way
 
     def meets_something(self, poses: np.ndarray, counts: np.ndarray, steps: np.ndarray) -> np.ndarray:
-        """Tell of each trajectory of `first_contacts`, which found its free steps, whether something ends it, (N,).
+        """Return which trajectories end at an obstacle, and not at the edge of the grid: (N,), bool.
 
-        Where the grid ends nothing is: a robot whose costmap ends a few hand's breadths ahead would stand before that.
+        Whoever brakes for obstacles must not brake for the edge of a small rolling window.
+
+        Args:
+            poses, counts: As for `first_contacts`.
+            steps: Shape (N,): the `steps` it returned.
         """
         found = steps < counts
         cut = np.flatnonzero(found)
-        if len(cut):  # as rarely, and `leaves_grid` takes as long for none as for a few
+        if len(cut):  # rare, and `leaves_grid` takes as long for no pose as for a few
             found[cut] = ~self.leaves_grid(poses[cut, steps[cut]])
         return np.asarray(found)
 
     def free_steps(self, poses: np.ndarray, begin: Optional[Pose2D] = None) -> int:
-        """Return how many of consecutive poses, shape (S, 3), come before the first contact; see `first_contacts`."""
+        """Return the number of poses of a trajectory, (S, 3), before the first contact; see `first_contacts`."""
         if len(poses) == 0:
             return 0
         batch = np.ascontiguousarray(poses, dtype=float)[None]
         return int(self.first_contacts(batch, np.array([len(poses)]), np.ones(1), begin).steps[0])
 
     def clearance_along(self, points: np.ndarray, farthest: float = math.inf) -> float:
-        """Return the least distance (m) between obstacles and the footprint's sides on its way along points (N, 2).
+        """Return the least distance (m) from the robot's sides to an obstacle's cell along points (N, 2) in metres.
 
-        An obstacle fills its cell. Distances are interpolated between cells, or a path a hair aside could be judged a
-        whole cell narrower. What lies outside the outermost cells' centres does not count; infinite where nothing else
-        is left. Of more than `farthest` (m) any distance beyond may be told, which takes less time.
+        Distances are interpolated between cells' centres. Points outside the outermost centres are left out; infinite
+        where none is left. Clearances above `farthest` (m) need not be exact, which takes less time.
         """
         half_width, resolution = self.costmap.half_width, self.costmap.grid.resolution
         points = np.ascontiguousarray(points)
@@ -187,8 +193,7 @@ class FootprintChecker:
         return (least - 0.5) * resolution - half_width
 
     def in_sight(self, pose: Pose2D, points: np.ndarray) -> np.ndarray:
-        """Tell for each point, (N, 2) in metres, whether the straight line to it from the robot is free of obstacles.
-        """
+        """Return which points, (N, 2) in metres, have no lethal or unknown cell on the line from `pose`: (N,), bool."""
         seen = np.empty(len(points), np.uint8)
         sight_kernels.in_sight(
             self._costs, *self._place, pose.x, pose.y, np.ascontiguousarray(points), seen
@@ -196,23 +201,23 @@ class FootprintChecker:
         return seen.astype(bool)
 
     def sees_way(self, pose: Pose2D, poses: np.ndarray) -> bool:
-        """Return whether from a pose the footprint's corners are in sight all along poses, (N, 3).
+        """Return whether the footprint's corners at each of poses, (N, 3), are in line of sight of `pose`.
 
-        What hides a corner by a cell or two alone is what the footprint passes, not what something may stand behind.
+        Lines end APART cells before the corner: an obstacle right beside the corner is passed, and hides nothing.
         """
         return bool(sight_kernels.sees_way(
             self._costs, *self._place, pose.x, pose.y, self._corners, np.ascontiguousarray(poses, dtype=float),
             APART * self.costmap.grid.resolution))
 
     def clearance_at(self, x: float, y: float) -> float:
-        """Return the distance (m) from a point to the centre of the nearest obstacle cell; 0 outside the grid."""
+        """Return the distance (m) from the centre of a point's cell to that of the nearest obstacle; 0 off the grid."""
         column, row = self.costmap.grid.cell_at(x, y)
         if not self.costmap.grid.contains_cell(column, row):
             return 0.0
         return float(self._distances_to()[row, column]) * self.costmap.grid.resolution
 
     def clearances_at(self, poses: np.ndarray) -> np.ndarray:
-        """Return `clearance_at` for a batch: poses or points (..., 2 or more) in metres to an array (...)."""
+        """Return `clearance_at` (m), shape (...), for poses or points of shape (..., 2 or more) in metres."""
         grid = self.costmap.grid
         columns = np.floor((poses[..., 0] - grid.origin_x) / grid.resolution).astype(np.int64)
         rows = np.floor((poses[..., 1] - grid.origin_y) / grid.resolution).astype(np.int64)
@@ -224,9 +229,12 @@ class FootprintChecker:
 def distances_to_obstacles(
     costs: np.ndarray, farthest: float = math.inf, highest: int = NO_INFORMATION
 ) -> np.ndarray:
-    """Return the distance in cells from each cell to the nearest from lethal to `highest`: uint8 in, float32 out.
+    """Return each cell's distance (cells) to the nearest obstacle cell, centre to centre: (H, W) uint8 in, float32 out.
 
-    Of more than `farthest` any distance beyond may be told.
+    Args:
+        costs: Shape (H, W), uint8.
+        farthest: Cells up to which distances are exact; beyond, a value is only known to be larger.
+        highest: Obstacles are cells from LETHAL up to this cost.
     """
     free = costs < LETHAL if highest == NO_INFORMATION else costs != LETHAL
     distances = distances_to_zeros(free, farthest)
@@ -234,7 +242,7 @@ def distances_to_obstacles(
 
 
 def _corners(footprint: np.ndarray) -> np.ndarray:
-    """Return the corners of an outline, (K, 2); of a robot without one a single one, where it is."""
+    """Return the corners of an outline, (K, 2); a single one at the base's origin where there is no outline."""
     return footprint[:, :2] if len(footprint) else np.zeros((1, 2))
 
 
@@ -242,10 +250,17 @@ def _corners(footprint: np.ndarray) -> np.ndarray:
 def _outlines(
     footprint: bytes, corners: int, resolution: float
 ) -> Tuple[np.ndarray, np.ndarray, np.ndarray, float]:
-    """Return points round an outline, a third of a cell apart, for each heading: (A, P, 2) float32 metres.
+    """Return a footprint's outline turned to each of A headings of a full circle.
 
-    And the boxes they lie in, (A, 4) float32: their least x and y and their largest, a hair wider; circles round every
-    ARC of them, (A, K, 3) float32: centre and radius, a hair wider; and its radius (m).
+    Args:
+        footprint: Bytes of the corners, float64, shape (K, 2) in metres: hashable, for the cache.
+        corners: Their number, K.
+        resolution: Side (m) of a cell.
+
+    Returns:
+        Points a third of a cell apart around the outline, (A, P, 2) float32 metres; their bounding boxes, (A, 4)
+        float32: least x, least y, largest x, largest y; circles around each ARC points, (A, K, 3) float32 for K arcs:
+        x, y, radius; and the circumscribed radius (m). Boxes and circles are a thousandth of a cell larger, for rounding.
     """
     outline = _corners(np.frombuffer(footprint).reshape(corners, -1) if corners else np.zeros((0, 2)))
     radius = float(np.hypot(outline[:, 0], outline[:, 1]).max())

@@ -1,7 +1,10 @@
 # mypy: allow-untyped-defs, allow-untyped-calls
-"""Compiled loops over a footprint laid on a costmap: contacts at poses, the first contact along trajectories.
+"""Compiled collision checks of a footprint on a costmap: contacts at poses, the first contact along trajectories.
 
-`_LETHAL` is cost_grid's, copied because numba's cache notices changes of its own file alone; a test compares them.
+In several kernels, cells from LETHAL up to the cost `in_way` are obstacles: 254 for lethal ones alone, 255 for unknown
+ones and all outside the grid as well. "In cells" means coordinates in units of cells from the grid's origin.
+
+`_LETHAL` is a copy of cost_grid's: numba's cache only notices changes of the kernel's own file. A test compares them.
 """
 
 from __future__ import annotations
@@ -13,23 +16,23 @@ import numpy as np
 from mbf_relay.kernels import kernel
 
 _LETHAL = 254
-ARC = 8  # points of an outline that are passed over together where nothing is near: some three cells' length
-_RUN = 16  # poses of a path whose boxes are looked at together: some eight cells' way
-_AS_QUICK = 32  # cells of a row are told apart in about the time that one's distance from a side takes
+ARC = 8  # consecutive outline points with one bounding circle: some three cells' length
+_RUN = 16  # poses of a path with one bounding box: some eight cells' length
+_AS_QUICK = 32  # cells scanned for an obstacle in about the time of one distance from a cell to a side
 MOST_LOOKED_AT = 40_000_000
-"""Distances of cells from sides of the footprint that are looked at for a batch of trajectories: half a second."""
-_HAIR = 1e-6  # cells: what is as deep but for rounding
-_ROUNDING = 1e-6  # share of the outline's radius by which its points, of float32, may lie farther out
+"""Most distances from a cell to a side of the footprint computed for one batch of trajectories: half a second."""
+_HAIR = 1e-6  # cells: tolerance for rounding in comparisons of depths
+_ROUNDING = 1e-6  # share of the outline's radius by which its float32 points may lie farther out
 
 
 @kernel("boolean(float32[:,::1], float64, float64, float64)")
 def is_far(distances, across, up, reach):
-    """Return whether nothing in the way and no edge of the grid lies within `reach` of a point; all in cells.
+    """Return whether no obstacle and no edge of the grid lies within `reach` of a point; all lengths in cells.
 
     Args:
-        distances: Shape (H, W): from each cell's centre to that of the nearest lethal or unknown one.
-        across, up: The point.
-        reach: What is looked at round it.
+        distances: Shape (H, W): distance from each cell's centre to that of the nearest obstacle.
+        across, up: Coordinates of the point.
+        reach: Radius.
     """
     height, width = distances.shape
     if not (across - reach >= 0.0 and up - reach >= 0.0 and across + reach < width and up + reach < height):
@@ -39,15 +42,15 @@ def is_far(distances, across, up, reach):
 
 @kernel("int64(uint8[:,::1], float32[:,::1], float64, float64, float64, boolean, float64, int64, int64, int64)")
 def _contacts_between(costs, outline, across, up, factor, inside, overlap, in_way, first, last):
-    """Return how many of an outline's points from `first` to before `last` are in contact; see `contacts`.
+    """Return how many of an outline's points with indices from `first` to `last` - 1 are in contact; see `contacts`.
 
     Args:
         costs, overlap, in_way: As for `contacts`.
-        outline: Shape (P, 2): points (m) round the outline as it is turned.
-        across, up: Of the base, in cells.
-        factor: Cells in a metre of the outline.
-        inside: No point lies outside the grid.
-        first, last: Which points.
+        outline: Shape (P, 2): points (m) around the outline, already turned to the heading.
+        across, up: The base, in cells.
+        factor: Cells per metre of the outline, its scale included.
+        inside: Whether all these points are known to lie in the grid.
+        first, last: Range of indices.
     """
     height, width = costs.shape
     found = 0
@@ -75,7 +78,7 @@ def _contacts_between(costs, outline, across, up, factor, inside, overlap, in_wa
 
 @kernel("int64(float64, int64)")
 def _heading(theta, headings):
-    """Return which of so many headings of a full circle is nearest to an angle (rad)."""
+    """Return the index of the heading nearest to an angle (rad), of `headings` evenly spread over a full circle."""
     return int(math.floor(theta * headings / (2.0 * math.pi) + 0.5)) % headings
 
 
@@ -86,16 +89,16 @@ def _heading(theta, headings):
 def contacts(
     costs, origin_x, origin_y, resolution, outlines, circumscribed, overlap, in_way, x, y, theta, scale
 ):
-    """Return how many points of a footprint's outline lie on a cell in the way, or outside the grid.
+    """Return how many points of a footprint's outline are in contact: on an obstacle's cell or outside the grid.
 
     Args:
         costs: Shape (H, W), uint8.
-        origin_x, origin_y, resolution: Where the cells lie.
-        outlines: Shape (A, P, 2): points (m) round the outline, turned by each of A headings of a full circle.
+        origin_x, origin_y, resolution: The grid's lower left corner and the side of its cells (m).
+        outlines: Shape (A, P, 2): points (m) around the outline, turned to each of A headings of a full circle.
         circumscribed: Radius (m) of the outline at scale 1.
         overlap: Share of a cell by which the outline may reach into an obstacle's cell from a free one beside it.
-        in_way: Cells from lethal to this cost are in the way; below 255 unknown ones and those outside are not.
-        x, y, theta: Pose of the base.
+        in_way: Highest cost of an obstacle, 254 or 255; see the module.
+        x, y, theta: Pose of the base (m, rad) in the grid's frame.
         scale: Factor on the outline.
     """
     height, width = costs.shape
@@ -110,9 +113,9 @@ def contacts(
 
 @kernel("boolean(uint8[:,::1], int64, int64, int64, int64, int64)")
 def _is_clear(costs, in_way, x0, y0, x1, y1):
-    """Return whether nothing in the way lies in columns x0 to x1 and rows y0 to y1, the ends included.
+    """Return whether no obstacle lies in columns x0 to x1 and rows y0 to y1, the ends included.
 
-    A whole row at a time, without a branch for each cell.
+    Each row is scanned without branches, so that the compiler makes vector code of it.
     """
     height, width = costs.shape
     if in_way > _LETHAL and (x0 < 0 or y0 < 0 or x1 >= width or y1 >= height):
@@ -130,7 +133,7 @@ def _is_clear(costs, in_way, x0, y0, x1, y1):
 
 @kernel("UniTuple(float64, 2)(float64, float64, float64, float64, float64)")
 def _between(low, high, slope, begin, end):
-    """Return the part of begin to end where slope times it lies from low to high; its end before its begin for none."""
+    """Return the part of an interval on which low <= slope * t <= high; its end is below its begin for none."""
     if abs(slope) < 1e-9:
         return (begin, end) if low <= 0.0 <= high else (end, begin - 2.0)
     one, other = low / slope, high / slope
@@ -142,20 +145,20 @@ def _between(low, high, slope, begin, end):
     "float64, float64, float64[::1])"
 )
 def depths(costs, origin_x, origin_y, resolution, corners, circumscribed, overlap, in_way, x, y, theta, scale, found):
-    """Find how deep a footprint reaches into cells in the way, and outside the grid; return how much was looked at.
+    """Compute how deep a footprint penetrates obstacles, and what lies outside the grid; return the work done.
 
-    A cell is entered where its centre is nearer to the footprint than half a cell less `overlap`. Unlike the number of
-    outline points in it, this stays as it is while a side passes along it, and grows as the robot goes on into it.
+    A cell's depth is the distance from its centre to the outline, positive inside, plus half a cell less `overlap`;
+    cells of depths above 0 are penetrated. Unlike the number of outline points in a cell, the depth is constant while
+    a side slides along it, and grows as the robot goes on into it.
 
     Args:
-        corners: Shape (K, 2): the footprint's (m).
-        found: Shape (2,): filled with how deep (cells) it reaches into the cell it reaches deepest into, and their sum;
+        corners: Shape (K, 2): the footprint's corners (m) in the base frame.
+        found: Shape (2,), filled with the largest depth (cells) and the sum over all penetrated cells, 0 without any;
             infinite where that would take more than MOST_LOOKED_AT.
         costs, origin_x, origin_y, resolution, circumscribed, overlap, in_way, x, y, theta, scale: As for `contacts`.
 
     Returns:
-        Of how many sides of the footprint the distance from a cell was taken; to find what is in the way counts as a
-        share of that.
+        Number of distances from a cell to a side that were computed; cells scanned count as 1 / _AS_QUICK of one.
     """
     height, width = costs.shape
     margin, factor = 0.5 - overlap, scale / resolution
@@ -184,7 +187,7 @@ def depths(costs, origin_x, origin_y, resolution, corners, circumscribed, overla
             ahead = cos * (column + 0.5 - across) + sin * above
             left = cos * above - sin * (column + 0.5 - across)
             if not (back < ahead < front and right < left < far_left):
-                continue  # most cells of a wall beside it
+                continue  # outside the footprint's box, as most cells of a wall beside it
             looked_at += corners.shape[0]
             if looked_at > MOST_LOOKED_AT:
                 found[0] = found[1] = math.inf
@@ -213,18 +216,20 @@ def depths(costs, origin_x, origin_y, resolution, corners, circumscribed, overla
     "float64[:,::1], uint8[::1])"
 )
 def touching(costs, origin_x, origin_y, resolution, outlines, boxes, circumscribed, overlap, in_way, poses, result):
-    """Fill `result`, shape (N,), with 1 for each of `poses`, shape (N, 3), that has contacts.
+    """Find the poses at which the footprint is in contact.
 
-    The outline is walked round only where something lies in its box, which is looked for in a run of poses at once.
+    The outline's points are looked at only where an obstacle lies in its bounding box; runs of consecutive poses are
+    first checked by their common box.
 
     Args:
-        boxes: Shape (A, 4): the least x and y (m) and the largest of the outline at each heading.
+        boxes: Shape (A, 4): least x, least y, largest x and largest y (m) of the outline at each heading.
         costs, origin_x, origin_y, resolution, outlines, circumscribed, overlap, in_way: As for `contacts`.
-        poses, result: See above.
+        poses: Shape (N, 3), in the grid's frame.
+        result: Shape (N,), filled with 1 for contact and 0 for none.
     """
     headings = outlines.shape[0]
     windows = np.empty((_RUN, 4), np.int64)
-    widest = 4.0 * circumscribed / resolution + _RUN  # farther apart than on a path: each pose is looked at by itself
+    widest = 4.0 * circumscribed / resolution + _RUN  # cells; poses farther apart are no path: each is checked alone
     for first in range(0, poses.shape[0], _RUN):
         count = min(_RUN, poses.shape[0] - first)
         for n in range(count):
@@ -251,29 +256,29 @@ def first_contacts(
     costs, distances, known, origin_x, origin_y, resolution, outlines, arcs, corners, circumscribed, overlap, in_way,
     poses, counts, scales, allowed, free, highest, summed,
 ):
-    """Find how far along each trajectory the footprint stays free, and what cost its centre passes.
+    """Find how far along each trajectory the footprint is free of contact, and the costs under the base on the way.
 
-    Of the outline only the arcs are looked at point by point that something is near to. As far as the nearest thing
-    is from all of them, so far the footprint goes on without a look (conservative advancement, Mirtich 1996). Where
-    something may stay touched, nothing is entered deeper than that, nor in all by more than one cell as deep. How
-    deep is asked up to MOST_LOOKED_AT, of which each trajectory has its share and what those before it left: a
-    large footprint on unknown ground lies on as many cells at each pose. What is not looked at counts as in
-    contact.
+    Points of the outline are looked at only in arcs whose circle is near an obstacle. The distance from the arcs to the
+    nearest obstacle then tells how far the footprint may move before the next look (conservative advancement, Mirtich
+    1996). A robot that starts in contact may move as long as neither the largest depth grows, nor their sum by more
+    than one such depth. Computing depths is limited to MOST_LOOKED_AT: each trajectory has an equal share and what
+    those before it left. A trajectory ends as in contact where its share is used up, as with a large footprint on
+    unknown cells.
 
     Args:
         distances: As for `is_far`.
-        known: Cells up to which they are right.
+        known: Cells up to which `distances` are exact.
         costs, origin_x, origin_y, resolution, outlines, circumscribed, overlap, in_way: As for `contacts`.
-        arcs: Shape (A, K, 3): at each heading, for every ARC points of the outline, a circle (x, y, radius, m) that
+        arcs: Shape (A, K, 3): at each heading, for every ARC points of the outline, a circle (x, y, radius; m) that
             holds them.
         corners: As for `depths`.
-        poses: Shape (N, S, 3).
+        poses: Shape (N, S, 3), in the grid's frame.
         counts: Shape (N,): number of poses of each trajectory.
         scales: Shape (N,): factor on the footprint.
-        allowed: Shape (2,): what `depths` found where the robot is, which falls to what is left on the way; below 0
-            where it touches nothing.
-        free: Shape (N,): filled with the number of poses before the first contact.
-        highest, summed: Shape (N,): filled with the highest and the summed cost under the centre of these poses.
+        allowed: Shape (2,): what `depths` found at the robot's pose; negative where it has no contact. Along a
+            trajectory it falls to the depths that are left.
+        free: Shape (N,), filled with the number of poses before the first contact.
+        highest, summed: Shape (N,), filled with the highest and the summed cost under the base at these poses.
     """
     height, width = costs.shape
     points = outlines.shape[1]
@@ -286,7 +291,7 @@ def first_contacts(
         free[n] = counts[n]
         highest[n] = 0.0
         summed[n] = 0.0
-        moved, room = 0.0, -1.0  # cells: of the footprint's outermost point since the last look; before the next
+        moved, room = 0.0, -1.0  # cells that the outermost point has moved since the last look, and may before the next
         for i in range(counts[n]):
             across, up = (poses[n, i, 0] - origin_x) / resolution, (poses[n, i, 1] - origin_y) / resolution
             found = 0
@@ -311,7 +316,7 @@ def first_contacts(
                         min(ARC * k + ARC, points))
                     if found > 0:
                         break
-                room -= reach * 2.0 * math.pi / outlines.shape[0]  # the nearest heading drawn may be half as far off
+                room -= reach * 2.0 * math.pi / outlines.shape[0]  # headings are rounded by half a step, here and there
             if deepest < 0.0:
                 if found > 0:
                     free[n] = i
@@ -323,7 +328,7 @@ def first_contacts(
                 looked_at += depths(
                     costs, origin_x, origin_y, resolution, corners, circumscribed, overlap, in_way, poses[n, i, 0],
                     poses[n, i, 1], poses[n, i, 2], scales[n], entered)
-                if found == 0 and entered[0] <= 0.5 - overlap:  # no side touches, and nothing is within them
+                if found == 0 and entered[0] <= 0.5 - overlap:  # contact has ended: from here on none is allowed
                     deepest = total = -1.0
                 elif entered[0] > deepest + _HAIR or entered[1] > total + deepest + _HAIR:
                     free[n] = i
@@ -342,11 +347,11 @@ def first_contacts(
 
 @kernel("float64(float32[:,::1], float64, float64, float64, float64[:,::1])")
 def least_distance(distances, origin_x, origin_y, resolution, points):
-    """Return the least of a grid's values at points, interpolated between the centres of cells; infinite for none.
+    """Return the least of a grid's values at points, interpolated bilinearly between cells' centres; infinite for none.
 
     Args:
         distances: Shape (H, W), a value at each cell's centre.
-        origin_x, origin_y, resolution: Where the cells lie.
+        origin_x, origin_y, resolution: As for `contacts`.
         points: Shape (N, 2) in metres; those outside the outermost centres are left out.
     """
     height, width = distances.shape

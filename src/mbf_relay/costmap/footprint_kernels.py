@@ -1,7 +1,7 @@
 # mypy: allow-untyped-defs, allow-untyped-calls
 """Compiled loops over the cells a footprint covers on a grid, and over the points of its outline.
 
-Lines are drawn as costmap_2d draws them (Bresenham, error term started at half the longer side).
+Lines are drawn as costmap_2d draws them: Bresenham's algorithm, the error term starting at half the longer side.
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ def polygon_cells(columns, rows, cells):
     The outline is drawn line by line; each row is then filled between its outermost cells.
 
     Args:
-        columns, rows: The corners' cells, in order round the polygon.
-        cells: Shape (M, 2), int32; filled with columns and rows. M must hold the box round the polygon.
+        columns, rows: Shape (K,): the corners' cells, in order around the polygon.
+        cells: Shape (M, 2), int32, filled with columns and rows; M at least the cells of the polygon's bounding box.
 
     Returns:
         How many cells there are.
@@ -76,10 +76,10 @@ def cells_within(width, height, origin_x, origin_y, resolution, footprint, x, y,
 
     Args:
         width, height: Size of the grid.
-        origin_x, origin_y, resolution: Where the cells lie (m).
-        footprint: Corners in the base frame, shape (K, 2) in metres with K > 2, either way round.
-        x, y, theta: The base in the grid's frame.
-        cells: Shape (M, 2); filled with columns and rows. M must hold the square round the footprint.
+        origin_x, origin_y, resolution: The grid's lower left corner and the side of its cells (m).
+        footprint: Corners in the base frame, shape (K, 2) in metres with K > 2, clockwise or counter-clockwise.
+        x, y, theta: Pose of the base (m, rad) in the grid's frame.
+        cells: Shape (M, 2), filled with columns and rows; M at least the cells of the footprint's bounding box.
 
     Returns:
         How many cells there are.
@@ -105,7 +105,7 @@ def cells_within(width, height, origin_x, origin_y, resolution, footprint, x, y,
             inside = True
             for i in range(corners):
                 edge_x, edge_y = turn * (outline[i, 0] - outline[i - 1, 0]), turn * (outline[i, 1] - outline[i - 1, 1])
-                # The corner of the cell that lies farthest out over this edge.
+                # The corner of the cell that lies farthest outside of this edge.
                 out_x = cell_x + resolution if edge_y > 0.0 else cell_x
                 out_y = cell_y if edge_x > 0.0 else cell_y + resolution
                 if edge_x * (out_y - outline[i - 1, 1]) - edge_y * (out_x - outline[i - 1, 0]) < 0.0:
@@ -119,7 +119,7 @@ def cells_within(width, height, origin_x, origin_y, resolution, footprint, x, y,
 
 @kernel("void(uint8[:,::1], float64, float64, float64, float64[:,::1], float64, float64, float64)")
 def free_within(costs, origin_x, origin_y, resolution, footprint, x, y, theta):
-    """Free the cells of `cells_within`, whose arguments these are, in costs of shape (height, width)."""
+    """Set the cells of `cells_within` to FREE_SPACE in `costs`, shape (height, width); other arguments as there."""
     height, width = costs.shape
     reach = 0.0
     for i in range(len(footprint)):
@@ -132,15 +132,15 @@ def free_within(costs, origin_x, origin_y, resolution, footprint, x, y, theta):
 
 @kernel("void(uint8[:,::1], float64, float64, float64, float64[:,::1], float64[:,::1], int64[:,::1])")
 def covered_costs(costs, origin_x, origin_y, resolution, footprint, poses, result):
-    """Count what a filled convex footprint covers at each pose.
+    """Count the cells of each kind that a filled convex footprint covers at each pose.
 
     Args:
         costs: Shape (height, width).
-        origin_x, origin_y, resolution: Where the cells lie (m).
-        footprint: Corners in the base frame, shape (K, 2); fewer than three stand for the base's own cell.
-        poses: Shape (N, 3), x, y, theta in the grid's frame.
-        result: Shape (N, 5), filled with: 1 where a corner lies outside the grid (the rest is 0 then), and the number
-            of lethal, of inscribed and of unknown cells, and the sum of all other cells' costs.
+        origin_x, origin_y, resolution: As for `cells_within`.
+        footprint: Corners in the base frame, shape (K, 2) in metres; fewer than three stand for the base's own cell.
+        poses: Shape (N, 3): x, y, theta in the grid's frame.
+        result: Shape (N, 5), filled with: 1 where a corner lies outside the grid (the rest is 0 then); the numbers of
+            lethal, inscribed and unknown cells; and the sum of the other cells' costs.
     """
     height, width = costs.shape
     corners = max(footprint.shape[0], 1)
@@ -176,15 +176,15 @@ def covered_costs(costs, origin_x, origin_y, resolution, footprint, poses, resul
 
 @kernel("void(float64[:,::1], int64, float64, float32[:,:,::1], float32[:,::1], float32[:,:,::1])")
 def draw(ring, length, hair, outlines, boxes, arcs):
-    """Turn points round an outline to each of as many headings as there is room for, and find what holds them.
+    """Turn the points of an outline to each of A headings of a full circle, with bounding boxes and circles.
 
     Args:
-        ring: Shape (P, 2): the points at heading 0 (m).
-        length: Of an arc, in points.
-        hair: Metres by which what holds them is wider.
-        outlines: Shape (A, P, 2), filled.
-        boxes: Shape (A, 4), filled: the least x and y and the largest.
-        arcs: Shape (A, K, 3), filled: centre and radius of a circle round every `length` points.
+        ring: Shape (P, 2): points (m) around the outline at heading 0.
+        length: Points of an arc.
+        hair: Margin (m) by which boxes and circles are larger than needed.
+        outlines: Shape (A, P, 2), filled with the turned points.
+        boxes: Shape (A, 4), filled with least x, least y, largest x and largest y.
+        arcs: Shape (A, K, 3), filled with centre and radius of a circle around each `length` consecutive points.
     """
     headings, points = outlines.shape[0], ring.shape[0]
     for heading in range(headings):

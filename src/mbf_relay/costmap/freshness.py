@@ -1,4 +1,4 @@
-"""Whether a costmap is young enough to be driven and planned on."""
+"""Whether a costmap was updated recently enough for driving and planning."""
 
 from __future__ import annotations
 
@@ -8,19 +8,19 @@ from typing import Optional
 from mbf_relay.timing import SET_BACK
 
 LEAST_ALLOWED, PERIODS_ALLOWED = 1.0, 5.0
-"""Seconds, and periods of its updates if they are longer, that a costmap may be old."""
+"""Largest age of a costmap: this many seconds or this many periods of its updates, whichever is longer."""
 
 FIRST_TRIES = 1.0
-"""Hz, at least, with which a costmap is tried to be updated until it is for the first time, as when there is a pose."""
+"""Least frequency (Hz) of attempts until the first update, which may have to wait for a pose."""
 
 
 def next_update(now: float, frequency: float, updates: int) -> float:
-    """Return when a costmap is updated next (s).
+    """Return the time (s) of a costmap's next update.
 
     Args:
-        now: Time of the last try (s).
-        frequency: Of its updates (Hz); 0 for one that is updated once.
-        updates: How many there were.
+        now: Time (s) of the last attempt.
+        frequency: Its update_frequency (Hz); 0 for a single update.
+        updates: Number of updates so far.
     """
     if updates:
         return now + 1.0 / frequency if frequency else math.inf
@@ -28,12 +28,12 @@ def next_update(now: float, frequency: float, updates: int) -> float:
 
 
 class Freshness:
-    """When a costmap was updated last, and why it has not been since.
+    """When a costmap was last updated, and why it has not been since.
 
     Attributes:
-        updated: Time of the last update (s); None before the first.
-        updates: How many there were.
-        failure: Why there is no other at present; empty where that is not known.
+        updated: Time (s) of the last update; None before the first.
+        updates: Number of updates.
+        failure: Why no update is possible at present; empty where that is not known.
     """
 
     def __init__(self, name: str) -> None:
@@ -42,22 +42,22 @@ class Freshness:
         self.updates, self.failure = 0, ""
 
     def note(self, now: float) -> None:
-        """Take note of an update."""
+        """Record an update at time `now` (s)."""
         self.updated, self.failure = now, ""
         self.updates += 1
 
     def never(self, why: str) -> str:
-        """Return that it was not updated yet, and why: for `failure` where that is empty."""
+        """Return the error for a costmap never updated, with the reason `why`; where that is empty, with `failure`."""
         reason = why or self.failure
         return f"{self._name} was not updated yet" + (f": {reason}" if reason else "")
 
     def trouble(self, now: float, frequency: float, resting: float) -> Optional[str]:
-        """Return why it is too old, or None; where it was never updated, that.
+        """Return the error for a costmap that is too old or was never updated; None where it is recent enough.
 
         Args:
             now: Time (s).
-            frequency: Of its updates (Hz), 0 for one that is not updated by itself.
-            resting: Seconds that such a one may be old.
+            frequency: Its update_frequency (Hz).
+            resting: Largest age (s) where the frequency is 0.
         """
         if self.updated is None:
             return self.never("")

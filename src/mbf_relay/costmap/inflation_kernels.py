@@ -3,10 +3,10 @@
 
 The distance transform is the two-pass one (columns, then rows; Felzenszwalb and Huttenlocher, "Distance transforms of
 sampled functions", 2012, equation 2), with the row pass written as shifted minima over whole rows, because the radius
-is a few dozen cells and such loops run dozens of cells at a time. The window is worked through in bands of rows that
-fit the second-level cache, and what has no obstacle near it is not touched.
+is a few dozen cells and vector instructions take dozens of cells at a time. The window is worked through in bands of
+rows that fit the second-level cache; bands and columns without an obstacle within the radius are skipped.
 
-Each innermost loop is a kernel of its own over slices: in a nest, the compiler no longer turns them into vector code.
+Each innermost loop is a kernel of its own over slices: the compiler does not vectorize loops within loops.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from mbf_relay.kernels import kernel
 
 MAXIMUM_RADIUS = 180  # cells: 2 * 180² < 2^16
 
-_BAND = 64
+_BAND = 64  # rows
 _INSCRIBED = 253
 _LETHAL = 254
 _NO_INFORMATION = 255
@@ -33,7 +33,7 @@ def _holds_lethal(row):
 
 @kernel("void(uint8[::1], uint16[::1], uint16)")
 def _next_row(row, since, reach):
-    """Advance the distance along each column by one row; it stays at `reach` once it got there."""
+    """Advance the distance (cells) to the last lethal cell of each column by one row, up to `reach` at most."""
     one, zero = np.uint16(1), np.uint16(0)
     for x in range(since.shape[0]):
         older = np.uint16(since[x] + one)
@@ -43,7 +43,7 @@ def _next_row(row, since, reach):
 
 @kernel("uint16(uint16[::1], uint16[::1])")
 def _take_nearer(above, below):
-    """Lower `above` to `below` where that is nearer and return the smallest of them."""
+    """Set `above` to the lesser of `above` and `below`, element by element; return the least of all."""
     smallest = np.uint16(65535)
     for x in range(above.shape[0]):
         nearer = above[x] if above[x] < below[x] else below[x]
@@ -124,7 +124,7 @@ def inflate(costs, x0, y0, x1, y1, table, radius, inflate_unknown):
         first, last = _lethal_columns(costs, halo_start, halo_end, max(x0 - radius, 0), min(x1 + radius, width))
         if last < first:
             continue
-        # columns of the window within the radius of anything lethal, and those that bear on them
+        # columns of the window within the radius of a lethal cell, and the columns whose distances they depend on
         from_x, to_x = max(first - radius, x0), min(last + radius + 1, x1)
         left, right = max(from_x - radius, 0), min(to_x + radius, width)
         columns, wanted = right - left, to_x - from_x

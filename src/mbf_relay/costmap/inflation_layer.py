@@ -17,7 +17,7 @@ from mbf_relay.parameters import ParameterSet, parameter
 
 MAXIMUM_CELLS = inflation_kernels.MAXIMUM_RADIUS
 FARTHEST_CELLS = 2048
-"""Cells beyond which no cost is told, so that a table stays at 4 MB: 100 m at 5 cm, 2 m in the finest costmap."""
+"""Largest inflation radius (cells): a table of costs then has 4 MB. 100 m at 5 cm, 2 m in the finest costmap."""
 
 
 @dataclass(frozen=True)
@@ -35,10 +35,10 @@ class InflationLayerParameters(ParameterSet):
 
 
 class InflationLayer(Layer):
-    """Raises the costs round lethal cells of the layers listed before it.
+    """Raises the costs around lethal cells of the layers listed before it.
 
-    What later layers write is not inflated. So the costs as earlier layers left them are kept: beside a window the
-    costmap's own show what later ones have made of them, and what is inflated of that stayed when it was gone.
+    Cells that later layers write are not inflated. Outside of the window of an update, the costmap's own costs include
+    those of later layers; so this layer keeps a copy of the costs as earlier layers left them, and inflates that.
     """
 
     Parameters = InflationLayerParameters
@@ -50,7 +50,7 @@ class InflationLayer(Layer):
         self._inscribed_radius = 0.0
         self._table, self._radius = np.zeros(1, dtype=np.uint8), 0
         self._redo = True
-        self._costs = np.zeros((0, 0), dtype=np.uint8)  # as earlier layers left them, and inflated
+        self._costs = np.zeros((0, 0), dtype=np.uint8)  # of the earlier layers, inflated
 
     def _rebuild(self) -> None:
         self._table, self._radius = cost_table(
@@ -98,7 +98,7 @@ class InflationLayer(Layer):
 
 
 def inflate_far(costs: np.ndarray, window: Window, table: np.ndarray, radius: int, inflate_unknown: bool) -> None:
-    """Do what inflation_kernels.inflate does, for radii whose squares its 16-bit numbers cannot hold."""
+    """Inflate as inflation_kernels.inflate does, for radii above MAXIMUM_CELLS."""
     height, width = costs.shape
     around = Window(*window).grown(radius).within(Grid(1.0, 0.0, 0.0, width, height))
     obstacles = costs[around.slices] == LETHAL
@@ -118,16 +118,17 @@ def cost_table(
     inflation_radius: float, cost_scaling_factor: float, inscribed_radius: float, resolution: float,
     farthest: int = FARTHEST_CELLS,
 ) -> Tuple[np.ndarray, int]:
-    """Return costmap_2d's costs by squared distance in cells, and the radius (cells) beyond which all are 0.
+    """Return costmap_2d's inflated costs as a table, and the radius (cells) beyond which all are 0.
 
-    The radius is costmap_2d's, or the smaller one at which the costs have fallen to 0.
+    The table, uint8 of shape (radius² + 1,), is indexed by the squared distance in cells. The radius is costmap_2d's,
+    or the smaller one at which the costs have fallen to 0.
 
     Args:
         inflation_radius: Metres.
         cost_scaling_factor: 1/m.
         inscribed_radius: Metres; costs up to there are INSCRIBED.
         resolution: Side of a cell (m).
-        farthest: Cells beyond which nobody asks, such as the grid's size.
+        farthest: Limit (cells) of the radius, such as the grid's size.
     """
     radius = math.ceil(min(inflation_radius / resolution, farthest, FARTHEST_CELLS))
     metres = np.sqrt(np.arange(radius * radius + 1)) * resolution

@@ -1,4 +1,4 @@
-"""Is this pose free? What the server's check and search services ask of a costmap, as mbf_costmap_nav answers it."""
+"""Checks of points, poses and paths and the search for a valid pose, for the services that mbf_costmap_nav offers."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ from mbf_relay.costmap.cost_grid import INSCRIBED, LETHAL, NO_INFORMATION, CostG
 from mbf_relay.geometry import Pose2D, normalize_angle
 
 ANGLE_STEP = math.radians(5.0)
-"""Largest turn between two headings tried in a search."""
+"""Largest angle (rad) between two headings tried in a search."""
 
 POINT = np.zeros((0, 2))
-"""The outline that covers the robot's own cell alone."""
+"""Outline, shape (0, 2), of a robot that covers the cell under its base alone."""
 
 BATCH = 64
-"""Cells looked at together in a search."""
+"""Cells checked at once in a search."""
 
 
 class PoseState(IntEnum):
-    """What lies under a robot, the worse the higher; numbers as in mbf_msgs' services, the same in all its versions."""
+    """What a robot covers, the worse the higher; numbers as in mbf_msgs' services, the same in all its versions."""
 
     FREE = 0
     INSCRIBED = 1
@@ -35,7 +35,7 @@ class PoseState(IntEnum):
 
 @dataclass(frozen=True)
 class Multipliers:
-    """What cells of a kind count for; 0 stands for 1."""
+    """Factors on the costs of each kind of cell; 0 stands for 1, as mbf_costmap_nav takes it."""
 
     lethal: float = 1.0
     inscribed: float = 1.0
@@ -43,34 +43,34 @@ class Multipliers:
 
 
 class CheckResult(NamedTuple):
-    """The worst that lies under a pose or along a path, and the sum of the cells' costs."""
+    """The worst state at a pose or along a path, and the sum of the covered cells' costs."""
 
     state: PoseState
     cost: float
 
 
 class ValidPose(NamedTuple):
-    """The pose a search came to; its own start where the state is LETHAL."""
+    """The pose a search found, with its check; the search's start where the state is LETHAL."""
 
     pose: Pose2D
     verdict: CheckResult
 
 
 def check_point(costmap: CostGrid, x: float, y: float) -> CheckResult:
-    """Tell what lies under a point (m, costmap's frame); nothing outside has a cost."""
+    """Return state and cost of the cell at a point (m, costmap's frame); outside the costmap the cost is 0."""
     return check_poses(costmap, np.array([[x, y, 0.0]]), POINT)[0]
 
 
 def check_poses(
     costmap: CostGrid, poses: np.ndarray, outline: np.ndarray, multipliers: Multipliers = Multipliers()
 ) -> List[CheckResult]:
-    """Tell what a robot covers at each pose.
+    """Return state and cost of a robot at each pose, in their order.
 
     Args:
         costmap: The snapshot to look at.
         poses: Shape (N, 3), in the costmap's frame.
-        outline: Corners of the robot, convex, shape (K, 2) in its base frame; fewer than three for its cell alone.
-        multipliers: What cells of a kind count for.
+        outline: Corners of the robot, convex, shape (K, 2) in metres, base frame; fewer than three for its cell alone.
+        multipliers: Factors on the costs of each kind of cell.
     """
     counts = _counts(costmap, poses, outline)
     states, costs = _states(counts), _costs(counts, multipliers)
@@ -81,18 +81,18 @@ def check_path(
     costmap: CostGrid, poses: np.ndarray, outline: np.ndarray, multipliers: Multipliers = Multipliers(),
     return_on: int = 0, skip_poses: int = 0,
 ) -> Tuple[CheckResult, int]:
-    """Tell the worst along a path and what all of it costs.
+    """Return the worst state along a path and the sum of its poses' costs.
 
     Args:
         costmap: The snapshot to look at.
         poses: Shape (N, 3), in the costmap's frame.
         outline: As for `check_poses`.
-        multipliers: What cells of a kind count for.
-        return_on: PoseState from which on to look no further; 0 for none.
-        skip_poses: Poses left out after each one looked at.
+        multipliers: Factors on the costs of each kind of cell.
+        return_on: Stop at the first pose whose PoseState is this or worse; 0 to check the whole path.
+        skip_poses: Number of poses skipped after each one checked.
 
     Returns:
-        The verdict, and the index of the last pose looked at, 0 for a path without poses.
+        The result, and the index of the last pose checked, 0 for a path without poses.
     """
     indices = np.arange(0, len(poses), 1 + skip_poses)
     counts = _counts(costmap, poses[indices], outline)
@@ -109,15 +109,15 @@ def find_valid_pose(
 ) -> ValidPose:
     """Find the nearest pose where the robot fits.
 
-    The start itself comes first, then the cells' centres by distance; at each place the heading wanted, then those ever
-    further to both sides. Places whose own cell is inscribed, lethal or unknown are no answer.
+    The start itself is tried first, then cells' centres by their distance; at each place first the start's heading,
+    then headings ever further to both sides. Places whose own cell is inscribed, lethal or unknown are skipped.
 
     Args:
         costmap: The snapshot to look at.
         start: Where to search from, in the costmap's frame.
         outline: As for `check_poses`.
-        distance: How far (m) the answer may lie from the start.
-        angle: How far (rad) it may be turned.
+        distance: Largest distance (m) from the start.
+        angle: Largest angle (rad) from the start's heading.
 
     Returns:
         A FREE or INSCRIBED pose; else the nearest UNKNOWN one; else the nearest OUTSIDE one; else the start, LETHAL.
@@ -127,7 +127,7 @@ def find_valid_pose(
     for places in _places(costmap, start, distance):
         poses = np.column_stack((np.repeat(places, len(headings), axis=0), np.tile(headings, len(places))))
         counts = _counts(costmap, poses, outline)
-        # here inscribed cells are no worse than free ones, and nothing outweighs an obstacle
+        # unlike in a check, LETHAL is worse than UNKNOWN, and INSCRIBED is as good as FREE
         states = np.where(counts[:, 1] > 0, int(PoseState.LETHAL), _states(counts))
         fits = np.flatnonzero(states <= PoseState.INSCRIBED)
         if len(fits):
@@ -154,7 +154,7 @@ def _headings(wanted: float, tolerance: float) -> np.ndarray:
 
 
 def _places(costmap: CostGrid, start: Pose2D, distance: float) -> Iterator[np.ndarray]:
-    """Yield positions to try, nearest first, some at a time: shape (M, 2)."""
+    """Yield batches of positions (m) to try, shape (M, 2), nearest first."""
     grid = costmap.grid
     if _is_passable(costmap, *grid.cell_at(start.x, start.y)):
         yield np.array([[start.x, start.y]])
@@ -176,7 +176,7 @@ def _is_passable(costmap: CostGrid, column: int, row: int) -> bool:
 
 
 def _counts(costmap: CostGrid, poses: np.ndarray, outline: np.ndarray) -> np.ndarray:
-    """Return outside, lethal, inscribed, unknown and the rest's cost, shape (N, 5), as `covered_costs` fills it."""
+    """Return what `footprint_kernels.covered_costs` counts at each pose, shape (N, 5)."""
     result = np.zeros((len(poses), 5), dtype=np.int64)
     grid = costmap.grid
     footprint_kernels.covered_costs(
