@@ -260,7 +260,8 @@ def _outlines(
     Returns:
         Points a third of a cell apart around the outline, (A, P, 2) float32 metres; their bounding boxes, (A, 4)
         float32: least x, least y, largest x, largest y; circles around each ARC points, (A, K, 3) float32 for K arcs:
-        x, y, radius; and the circumscribed radius (m). Boxes and circles are a thousandth of a cell larger, for rounding.
+        x, y, radius; and the circumscribed radius (m). Boxes and circles are a thousandth of a cell larger for
+        rounding.
     """
     outline = _corners(np.frombuffer(footprint).reshape(corners, -1) if corners else np.zeros((0, 2)))
     radius = float(np.hypot(outline[:, 0], outline[:, 1]).max())
