@@ -1,4 +1,4 @@
-"""Local control: which velocity follows the path and stays clear of what the robot sees."""
+"""Local planners: the velocity that follows the path and avoids the obstacles of the local costmap."""
 
 CONTROLLERS = {
     "base_local_planner/TrajectoryPlannerROS": "mbf_relay.control.trajectory_planner.TrajectoryPlanner",
@@ -15,4 +15,4 @@ CONTROLLERS = {
     "regulated_pure_pursuit": "mbf_relay.control.pure_pursuit.RegulatedPurePursuit",
     "teb_local_planner/TebLocalPlannerROS": "mbf_relay.control.stand_ins.TebStandIn",
 }
-"""Type names in parameter files and the classes that do that job here."""
+"""Types of local planners in parameter files, and the classes that take their place here."""

@@ -1,4 +1,4 @@
-"""Backing out: a short, slow drive, backwards or ahead, out of a place in which a robot can neither go on nor turn."""
+"""Backing out: a short, slow drive, mostly backwards, out of a place where a robot can neither drive on nor turn."""
 
 from __future__ import annotations
 
@@ -18,38 +18,38 @@ from mbf_relay.control.way import Way
 from mbf_relay.costmap.footprint_checker import FootprintChecker
 from mbf_relay.geometry import Pose2D, Twist2D, angle_between, normalize_angles
 
-PATIENCE = 0.25  # s without a velocity before it begins
-ASKEW = 0.5  # rad off the path's direction from which turning helps; a robot that faces along it gains nothing by it
-TRIES = 4  # without progress, after which driving fails and recovery behaviours follow
+PATIENCE = 0.25  # s for which driving must have failed before it begins
+ASKEW = 0.5  # rad: least heading error; a robot that faces along its path gains nothing by backing out to turn
+TRIES = 4  # attempts without progress, after which the controller fails and recovery behaviours follow
 SPEED, SLOWEST = 0.45, 0.15  # shares of the top speed
 
 # in robot's widths
-REACH = 1.5  # the longest way
-LEAST = 0.13  # the shortest, and how far ends that are looked at lie apart
-PROGRESS = 1.3  # gained on the nearest to the goal so far, from which tries are counted anew
-ANOTHER_WAY = 2.0 * REACH  # lost on it, from which they are, too; or twice as far as the robot backed out
-AHEAD = 0.9  # point on the path that it turns to
-FAR = 4.5  # looked along the arc, and beyond its end, for obstacles to brake for
-TURN_WORTH = 3.0  # of way that each radian costs by which it could not turn to the path's direction at an arc's end
+REACH = 1.5  # longest arc
+LEAST = 0.13  # shortest, and spacing of the ends considered
+PROGRESS = 1.3  # decrease of the path left, compared with the least so far, that resets the number of tries
+ANOTHER_WAY = 2.0 * REACH  # increase that resets it as well, as of a new plan; at least twice the way backed out
+AHEAD = 0.9  # distance along the path to the point that it turns to
+FAR = 4.5  # distance checked along the arc, beyond its end as well, for obstacles to brake for
+TURN_WORTH = 3.0  # cost of each radian that is missing of the turn to the path's direction at an arc's end
 CURVATURES = np.array([0.0, 0.35, -0.35, 0.7, -0.7, 1.15, -1.15])  # of the arcs tried, in 1 / width
 
 
 def direction_of(path: LocalPath, pose: Pose2D, width: float) -> Tuple[np.ndarray, float]:
-    """Return a path's point a little ahead of a robot of a width (m), and how far (rad) that is off its heading."""
+    """Return the point (2,) AHEAD widths (m) along the path, and its bearing from the robot's heading (rad)."""
     ahead = path.point_at(path.robot_arc + AHEAD * width)
     return ahead, angle_between(pose.theta, math.atan2(ahead[1] - pose.y, ahead[0] - pose.x))
 
 
 class BackOut:
-    """Decides when to back out, along which arc or how far the way it came, and when that is enough.
+    """Decides when to back out, along which arc or how far back along the trail, and when to stop.
 
-    It begins when driving has failed for PATIENCE. It takes the shortest way from whose end the robot can turn to the
-    path's direction, or nearly; where that brought no progress, one twice as long. A car, which never turns on the
-    spot, takes the several moves of `multi_point_turn`.
+    It begins when driving has failed for PATIENCE, and takes the cheapest way by length, distance of its end from the
+    path, and how much of the turn to the path's direction is blocked there. After an attempt without progress, ways
+    are twice as long. A car, which cannot turn on the spot, makes a `multi_point_turn` instead.
 
     Attributes:
-        end: Where the way ends that is driven, or was last.
-        trail: Where the robot has been; noted in each cycle.
+        end: End (costmap's frame) of the present or last way; None before.
+        trail: Poses of the robot, noted in each cycle.
     """
 
     def __init__(self) -> None:
@@ -57,7 +57,7 @@ class BackOut:
         self.reset()
 
     def reset(self) -> None:
-        """Forget everything but the trail: the goal is a new one."""
+        """Forget everything but the trail, for a new goal."""
         self._failing_since: Optional[float] = None
         self.end: Optional[Pose2D] = None
         self._from: Optional[Pose2D] = None
@@ -72,12 +72,12 @@ class BackOut:
         return self._from is not None
 
     def drove(self, path: LocalPath, width: float) -> None:
-        """Note that a robot of this width (m) succeeded in driving."""
+        """Note a cycle in which driving succeeded; `width` (m) is the robot's."""
         self._failing_since = None
         self._look_for_progress(path, width)
 
     def _look_for_progress(self, path: LocalPath, width: float) -> None:
-        """Begin to count tries anew where the robot is nearer to the goal than before, or is to go another way."""
+        """Reset the number of tries where the path left is much shorter than the least so far, or much longer."""
         nearer = self._best_left - path.remaining
         if nearer > PROGRESS * width or nearer < -max(ANOTHER_WAY * width, 2.0 * self._length):
             self._best_left, self._tries = path.remaining, 0
@@ -86,12 +86,12 @@ class BackOut:
         self, now: float, pose: Pose2D, path: LocalPath, checker: FootprintChecker, parameters: FollowerParameters,
         radius: float = 0.0,
     ) -> None:
-        """Note that driving failed, and begin to back out where it has for long enough and a way is free.
+        """Note a cycle in which driving failed; begin to back out after PATIENCE if a way is free.
 
         Args:
             now: Time (s).
-            pose, path, checker, parameters: The robot, what it follows, the obstacles, and its limits.
-            radius: Least radius (m) of its curves; 0 where it turns on the spot.
+            pose, path, checker, parameters: The robot's pose, its path, the obstacles, and its limits.
+            radius: Minimum turning radius (m); 0 for a robot that turns on the spot.
         """
         if self._failing_since is None or now < self._failing_since:
             self._failing_since = now
@@ -100,7 +100,7 @@ class BackOut:
         if self._tries >= TRIES or now - self._failing_since < PATIENCE:
             return
         if radius > 0.0:
-            self._failing_since = now  # the next look is as patient: it takes its time
+            self._failing_since = now  # the search is expensive: repeat it only after PATIENCE
             turn = multi_point_turn(pose, path, checker, radius, parameters.min_vel_x < 0.0)
             if turn is not None:
                 self._best_left = min(self._best_left, path.remaining)
@@ -126,7 +126,7 @@ class BackOut:
         if way is not None:
             steps_back, costs_back = _turning_places(way, path, checker)
             lengths, costs = np.append(lengths, way.arcs[steps_back]), np.append(costs, costs_back)
-        if self._tries:  # what was tried last was too short
+        if self._tries:  # the last attempt was too short
             costs[lengths < min(2.0 * self._length, float(lengths.max(initial=0.0)))] = math.inf
         if not np.isfinite(costs).any():
             return
@@ -139,7 +139,7 @@ class BackOut:
             self._set_out(pose, way.poses[-1], lengths[best], way)
 
     def _set_out(self, pose: Pose2D, end: np.ndarray, length: float, way: Optional[Way]) -> None:
-        """Begin to drive a way of some length (m) from a pose to an end, (3,); the arc chosen where `way` is None."""
+        """Begin a way of `length` (m) from `pose` to `end`, (3,); where `way` is None, along the arc chosen."""
         self._from, self.end, self._way = pose, Pose2D(*map(float, end)), way
         self._length, self._tries = float(length), self._tries + 1
 
@@ -147,7 +147,7 @@ class BackOut:
         self, pose: Pose2D, velocity: Twist2D, checker: FootprintChecker, parameters: FollowerParameters, period: float,
         limit: SpeedLimit,
     ) -> Optional[Twist2D]:
-        """Return the next velocity on the way, None where the robot has come far enough or comes no farther."""
+        """Return the next velocity along the way; None, which ends it, at its end or where it is blocked."""
         if self._from is None or self.end is None:
             return None
         width = checker.costmap.width
@@ -160,7 +160,7 @@ class BackOut:
             if command is None:
                 self._from, self._failing_since = None, None
             return command
-        left = self.end.distance_to(self._from) - pose.distance_to(self._from)  # as the crow flies, both
+        left = self.end.distance_to(self._from) - pose.distance_to(self._from)  # straight-line distances
         free = 0.0
         if left > 0.0:
             way = np.array([self._sign]), np.array([self._curvature])
@@ -170,7 +170,7 @@ class BackOut:
             self._from, self._failing_since = None, None
             return None
         highest = parameters.max_vel_x if self._sign > 0.0 else -parameters.min_vel_x
-        on_arc = top_turn / abs(self._curvature) if self._curvature else math.inf  # faster, it would go straighter
+        on_arc = top_turn / abs(self._curvature) if self._curvature else math.inf  # faster, its curve would be wider
         top = min(fastest, highest, on_arc)
         delay = period + parameters.stop_time_buffer
         to_stop = speed_to_stop_within(free, parameters.acc_lim_x, delay)
@@ -178,19 +178,19 @@ class BackOut:
         change = parameters.acc_lim_x * period
         speed = min(velocity.x + change, max(velocity.x - change, wanted))
         most = parameters.acc_lim_theta * period
-        # one that still rolls the other way would turn to the wrong side
+        # rolling the other way still, it would turn to the wrong side
         wanted_turn = max(0.0, self._sign * speed) * self._curvature
         turn = min(velocity.theta + most, max(velocity.theta - most, wanted_turn))
         return Twist2D(speed, 0.0, min(top_turn, max(-top_turn, turn)))
 
 
 class _Arcs(NamedTuple):
-    """Arcs from where the robot stands.
+    """Arcs that begin at the robot.
 
     Attributes:
         poses: Shape (N, S, 3).
-        free: Shape (N,): how many of them come before the first contact.
-        step: Way (m) from one to the next.
+        free: Shape (N,): poses before the first contact.
+        step: Distance (m) between poses.
     """
 
     poses: np.ndarray
@@ -201,14 +201,14 @@ class _Arcs(NamedTuple):
 def _arcs(
     pose: Pose2D, checker: FootprintChecker, length: float, signs: np.ndarray, curvatures: np.ndarray
 ) -> _Arcs:
-    """Return how far arcs are free.
+    """Return arcs and how far they are free.
 
     Args:
-        pose: Where they begin.
+        pose: Start.
         checker: The obstacles.
-        length: Of each arc, in metres.
-        signs: Shape (N,): 1 ahead, -1 backwards.
-        curvatures: Shape (N,): turns (rad) to the left per metre driven.
+        length: Length (m) of each arc.
+        signs: Shape (N,): 1 forwards, -1 backwards.
+        curvatures: Shape (N,): turn to the left per metre driven, backwards too (rad/m).
     """
     count = math.ceil(length / checker.step)
     targets = np.column_stack((signs, np.zeros(len(signs)), curvatures))
@@ -230,7 +230,7 @@ def _arcs(
 
 
 def _turning_places(way: Way, path: LocalPath, checker: FootprintChecker) -> Tuple[np.ndarray, np.ndarray]:
-    """Return which poses of a way back, (K,), are free to turn at to where the path leads there, and what they cost."""
+    """Return indices (K,) of poses of a way back where the turn to the path is free, and their costs (m), (K,)."""
     width = checker.costmap.width
     arcs = way.arcs[:way.free_poses(checker)]
     marks = np.arange(LEAST * width, arcs[-1], LEAST * width) if len(arcs) else np.zeros(0)
@@ -244,11 +244,11 @@ def _turning_places(way: Way, path: LocalPath, checker: FootprintChecker) -> Tup
 
 
 def _turns_not_free(poses: np.ndarray, turns: np.ndarray, checker: FootprintChecker) -> np.ndarray:
-    """Return by how much (rad) less than it should a robot can turn on each spot.
+    """Return the part (rad) of each turn on the spot that is blocked, shape (N,).
 
     Args:
         poses: Shape (N, 3).
-        turns: Shape (N,), to the left.
+        turns: Shape (N,): turns (rad), positive to the left.
         checker: The obstacles.
     """
     if not len(poses):

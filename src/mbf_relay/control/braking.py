@@ -1,4 +1,4 @@
-"""Whether a command may be sent: the robot could hold it for a period and brake, and would touch nothing."""
+"""Collision checks of commands: the arc of a command held for one period and braked from must be free."""
 
 from __future__ import annotations
 
@@ -16,28 +16,28 @@ from mbf_relay.costmap.footprint_checker import FootprintChecker
 from mbf_relay.geometry import Twist2D
 
 SLOWER = 0.5, 0.25, 0.125
-"""Shares of a command that are tried where it leads out of sight and the robot stands."""
+"""Shares of a command tried, fastest first, where a standing robot's command leads over ground it cannot see."""
 
 
 def braking_time(parameters: FollowerParameters, command: Twist2D, period: float) -> float:
-    """Return the time (s) at the command's velocity that leads as far as holding it for a period and braking then."""
+    """Return the time (s) for which the command's constant velocity covers the way of one period and then braking."""
     limits = (parameters.acc_lim_x, parameters.acc_lim_y, parameters.acc_lim_theta)
     return period + max(abs(value) / (2.0 * max(1e-9, limit)) for value, limit in zip(command, limits))
 
 
 def stopping_time(parameters: FollowerParameters, command: Twist2D, period: float) -> float:
-    """Return `braking_time` with stop_time_buffer to spare (s)."""
+    """Return `braking_time` plus stop_time_buffer (s)."""
     return braking_time(parameters, command, period) + parameters.stop_time_buffer
 
 
 def arc(checker: FootprintChecker, state: ControlState, command: Twist2D, duration: float) -> np.ndarray:
-    """Return the poses that holding a command leads through.
+    """Return the poses along the arc of a constant velocity.
 
     Args:
-        checker: Tells how far apart poses are to be checked; the command is asked for anew each cycle, so twice that.
-        state: Where the robot is.
-        command: What it holds.
-        duration: For how long (s).
+        checker: Gives the spacing of the poses: twice its step, as the check is repeated each cycle.
+        state: The robot's pose is where the arc begins.
+        command: Velocity, body frame.
+        duration: Time (s) for which it is held.
 
     Returns:
         Shape (S, 3), in the costmap's frame.
@@ -49,10 +49,10 @@ def arc(checker: FootprintChecker, state: ControlState, command: Twist2D, durati
 def _arcs(
     checker: FootprintChecker, state: ControlState, commands: np.ndarray, durations: np.ndarray
 ) -> Tuple[np.ndarray, np.ndarray]:
-    """Return `arc` for commands (N, 3) and durations (N,): poses, shape (N, S, 3), and how many each has, (N,).
+    """Return `arc` for commands (N, 3) and durations (N,): poses, shape (N, S, 3), and the number of each, (N,).
 
     Raises:
-        ControlError: These would be too many, even as far apart as poses may be.
+        ControlError: INTERNAL_ERROR: even at the largest spacing allowed there would be more than MOST_POSES.
     """
     speeds, turns = np.hypot(commands[:, 0], commands[:, 1]), np.abs(commands[:, 2])
     for step, turn in (2.0 * checker.step, checker.turn_step), (checker.longest_step, checker.longest_turn):
@@ -69,12 +69,12 @@ def _arcs(
 
 
 class Arcs(NamedTuple):
-    """Where commands lead.
+    """The arcs of N commands.
 
     Attributes:
         poses: Shape (N, S, 3), in the costmap's frame.
-        counts: Shape (N,): how many poses each has.
-        steps: Shape (N,): seconds from one to the next, and to the first.
+        counts: Shape (N,): poses of each arc.
+        steps: Shape (N,): time (s) between poses, and from now to the first.
     """
 
     poses: np.ndarray
@@ -85,7 +85,7 @@ class Arcs(NamedTuple):
 def arcs_to_a_stand(
     parameters: FollowerParameters, state: ControlState, checker: FootprintChecker, commands: np.ndarray
 ) -> Arcs:
-    """Return where commands, (N, 3), lead that are held for a period and braked from."""
+    """Return the arcs of commands, (N, 3), held for one period and braked from, with stop_time_buffer."""
     durations = np.array([stopping_time(parameters, Twist2D(*command), state.period) for command in commands.tolist()])
     poses, counts = _arcs(checker, state, commands, durations)
     return Arcs(poses, counts, durations / counts)
@@ -94,32 +94,32 @@ def arcs_to_a_stand(
 def brakes_free(
     parameters: FollowerParameters, state: ControlState, checker: FootprintChecker, command: Twist2D
 ) -> bool:
-    """Return whether a command can be held for a period and braked from without touching more than is touched already.
-    """
+    """Return whether the arc of a command, held for one period and braked from, touches no more than is touched now."""
     poses = arc(checker, state, command, stopping_time(parameters, command, state.period))
     return checker.free_steps(poses, state.pose) == len(poses)
 
 
 def brake_free(state: ControlState, checker: FootprintChecker, arcs: Arcs) -> np.ndarray:
-    """Tell of each of many commands by its arc to a stand whether `brakes_free` holds; shape (N,)."""
+    """Return for each of `arcs_to_a_stand` whether it is free as in `brakes_free`, bool of shape (N,)."""
     ways = checker.first_contacts(arcs.poses, arcs.counts, np.ones(len(arcs.counts)), state.pose)
     free: np.ndarray = ways.steps == arcs.counts
     return free
 
 
 def braked_on_its_arc(parameters: FollowerParameters, cycle: ControlCycle) -> Twist2D:
-    """Return the command that brakes as hard as can be and keeps to the arc the robot is on, which was looked along.
+    """Return the command that brakes hardest while keeping the curvature of the present motion.
 
-    Told to stand at once, wheels brake each as hard as it can: until the slower one stands the robot turns as fast as
-    before, and off the arc to its inner side. One that drives sideways as well would end that first, and go on ahead.
+    That arc has been checked. With each component reduced at its own limit the robot would leave it: a differential
+    drive that brakes both wheels at once turns as fast as before while its speed falls, and sideways motion may end
+    before forward motion.
 
-    Where the way to a stand on it is longer than what is free of it, the command is as much slower, whatever the
-    accelerations are: those of a file are for comfort as often as they are the wheels' own, and a robot that brakes by
-    0.05 m/s^2 because it says so drives for seconds into what it sees.
+    Where the arc is not free all the way to the stop, the command is scaled down by the share that is, beyond the
+    acceleration limits if need be: those in parameter files are often set for comfort, and braking by 0.05 m/s^2 would
+    take the robot into an obstacle that the wheels could have stopped for.
 
     Args:
         parameters: Limits.
-        cycle: Where the robot is, how fast, and among what.
+        cycle: Pose, velocity, window and obstacles of this cycle.
     """
     state, still, velocity = cycle.state, cycle.window.still, cycle.velocity
     shares = [left / speed if left * speed > 0.0 else 0.0 for left, speed in zip(still, velocity)]
@@ -132,16 +132,16 @@ def braked_on_its_arc(parameters: FollowerParameters, cycle: ControlCycle) -> Tw
 
 
 def where_it_sees(parameters: FollowerParameters, cycle: ControlCycle, command: Twist2D) -> Twist2D:
-    """Return a command, or to brake on the arc the robot is on where the command's sweeps over what is out of sight.
+    """Return a command where its braking arc lies in sight of the robot; else one that brakes or creeps.
 
-    What stands behind an obstacle shows when the robot is round it, and may then be nearer than its way to a stand. Of
-    one that touches already, what it touches hides the ground beside it. One that stands creeps on until it sees:
-    nothing else would end its standing.
+    What an obstacle hides may, once it is seen, be nearer than the robot can stop. A moving robot then brakes on its
+    arc; one that stands takes a slower command, down to the smallest of SLOWER, since standing would not show more.
+    A robot that touches something is not checked: what it touches hides the ground beside it.
 
     Args:
         parameters: Limits.
-        cycle: Where the robot is, how fast, and among what.
-        command: Free as far as obstacles are seen.
+        cycle: Pose, velocity, window and obstacles of this cycle.
+        command: Velocity that is free of known obstacles.
     """
     state, checker = cycle.state, cycle.checker
 

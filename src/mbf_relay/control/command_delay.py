@@ -1,4 +1,4 @@
-"""How late the robot does what it is told, seen in how it moves, and where it will be when it does the next."""
+"""Estimation of the delay between commands and the robot's motion, and prediction of its pose across that delay."""
 
 from __future__ import annotations
 
@@ -12,37 +12,35 @@ from mbf_relay.geometry import STOP, Pose2D, Twist2D
 from mbf_relay.timing import ROUNDING
 
 WATCHED = 5.0
-"""Seconds of motion that are compared with commands."""
+"""Time (s) of odometry that is compared with the commands."""
 DELAYS = np.arange(0.0, 1.5, 0.05)
-"""Seconds: the delays looked for."""
+"""Delays (s) tried."""
 LATE = 0.15
-"""Seconds from which commands are late; odometry and wheels that gain speed take a third of that in any case."""
+"""Delay (s) below which 0 is reported: odometry and acceleration alone cause a third of that."""
 LEAST = np.array([0.02, 0.02, 0.05])
-"""Metres and radians per second of what was commanded, on the mean, below which nothing is told by that component."""
+"""Root mean square of the commands (m/s, m/s, rad/s) up to which a component is not used for the estimate."""
 EXPLAINED = 0.5
-"""Share of what the delay believed so far, or no command at all, leaves unexplained that a better one leaves.
-
-One that is held as it sets out does what it was told before, to stand: no delay explains that better than none of them.
-"""
+"""A new delay is taken only if its error is below this share of that of the present delay, and of that of a command to
+stand. A robot that is held fast as it sets out fits a command to stand: its motion says nothing of a delay."""
 GAIN = 0.1
-"""By how much more of the commands' squares a better delay explains at least."""
+"""Least decrease of the error, as a share of the commands' mean squares, for which a new delay is taken."""
 PERIOD = 0.5
-"""Seconds after which it is told anew: a comparison takes as long as a third of a cycle of DWA."""
+"""Time (s) between two estimates: one takes a third of the time of a DWA cycle."""
 LONGEST = float(DELAYS[-1])
-"""Seconds: the longest delay looked for."""
+"""Longest delay (s) tried."""
 ENOUGH = 5
-"""Cycles from which something can be told."""
+"""Least number of odometry samples for an estimate."""
 
 
 class CommandDelay:
-    """Compares how a robot moves with what it was told before, cycle by cycle.
+    """Estimates the delay by the least squares error between measured velocities and delayed commands.
 
-    What it found holds until the robot's motion says otherwise: one that stands, or drives on as before, says nothing.
-    Wheels are told by more than one thread, and recoveries ask from their own: who reads goes through a copy, which is
-    made in one piece.
+    An estimate holds until motion contradicts it; a robot that stands or keeps its velocity gives no information.
+    Threads: commands come from several, and recoveries read from their own. Readers iterate over a copy of the deque,
+    which list() makes atomically.
 
     Attributes:
-        seconds: From a command to the motion that odometry shows of it; 0.0 where that is little or not known.
+        seconds: Delay from a command to the motion that odometry shows; 0.0 where that is below LATE or not known.
     """
 
     def __init__(self) -> None:
@@ -53,7 +51,7 @@ class CommandDelay:
         self._judged_at = -math.inf
 
     def tell(self, now: float, velocity: Twist2D) -> None:
-        """Take what the robot is told `now` (s), which holds until it is told otherwise; before all it was to stand."""
+        """Note the command sent at `now` (s). It holds until the next one; before the first the robot was to stand."""
         told = self._told
         if told and now < told[-1][0]:  # time was set back
             told.clear()
@@ -62,11 +60,11 @@ class CommandDelay:
             told.popleft()
 
     def note(self, now: float, velocity: Twist2D) -> None:
-        """Take the robot's velocity `now` (s), as odometry has it, at the end of a cycle."""
+        """Note the velocity that odometry measured at `now` (s), once per cycle, and estimate anew after PERIOD."""
         seen = self._seen
         if seen and not 0.0 < now - seen[-1][0] <= 1.0:  # the drive was interrupted, or time was set back
             seen.clear()
-        if not seen:  # one that stands was told so before, too
+        if not seen:  # of a standing robot earlier commands are known as well: to stand
             stands = not self._told_at(np.array([now])).any() and bool(np.all(np.abs(velocity) < LEAST))
             self._judged_from, self._judged_at = now + (0.0 if stands else LONGEST), now
         seen.append((now, velocity))
@@ -77,12 +75,12 @@ class CommandDelay:
             self._judge(max(self._judged_from, now - WATCHED))
 
     def _told_at(self, times: np.ndarray) -> np.ndarray:
-        """Return what the robot had been told just before each of the times (s), shape (..., 3)."""
+        """Return the command in force just before each of the times (s), shape (..., 3)."""
         rows = np.array([(-math.inf, *STOP), *((since, *velocity) for since, velocity in list(self._told))])
         return np.asarray(rows[np.maximum(0, np.searchsorted(rows[:, 0], times) - 1), 1:])
 
     def _judge(self, begin: float) -> None:
-        """Take what the cycles from `begin` (s) on say."""
+        """Estimate the delay from the odometry since `begin` (s)."""
         rows = np.array([(time, *velocity) for time, velocity in list(self._seen) if time >= begin]).reshape(-1, 4)
         if len(rows) < ENOUGH:
             return
@@ -101,7 +99,7 @@ class CommandDelay:
             self.seconds = float(DELAYS[best]) if DELAYS[best] >= LATE else 0.0
 
     def told_lately(self) -> Twist2D:
-        """Return what it was told between the last two cycles, on the mean: less than the last where that came late."""
+        """Return the mean command (body frame) between the last two cycles."""
         seen, told = self._seen, list(self._told)
         if len(seen) < 2:
             return told[-1][1] if told else STOP
@@ -116,7 +114,7 @@ class CommandDelay:
         return Twist2D(x, y, theta)
 
     def caught_up(self, pose: Pose2D, age: float) -> Pose2D:
-        """Return where a robot is in the last cycle that was at `pose` `age` (s) before, as its velocities tell."""
+        """Return a pose that is `age` (s) older than the last odometry, moved on by the velocities noted since."""
         seen = list(self._seen)
         since = seen[-1][0] - age if seen else math.inf
         for time, velocity in seen:
@@ -125,15 +123,15 @@ class CommandDelay:
         return pose
 
     def way(self, pose: Pose2D, step: float, turn_step: float, ahead: float = 0.0) -> np.ndarray:
-        """Return the poses that lead from where a robot is in the last cycle to where it does what it is told next.
+        """Return the poses from where the robot is now to where the next command takes effect.
 
         Args:
-            pose: Where it is.
-            step, turn_step: Metres and radians from pose to pose, at most.
-            ahead: By how much (s) `pose` is newer than the velocities noted: so much of the way lies behind it.
+            pose: Where it is now.
+            step, turn_step: Largest spacing (m, rad) of the poses.
+            ahead: Time (s) by which `pose` is newer than the last odometry; that part of the way is left out.
 
         Returns:
-            Shape (P, 3); the last one is where it will be, `pose` itself where nothing comes late.
+            Shape (P, 3); the last one is the predicted pose, `pose` itself without a delay.
         """
         seen = list(self._seen)
         if self.seconds <= ahead or not seen:
@@ -145,7 +143,7 @@ class CommandDelay:
 def held_between(
     told: Collection[Tuple[float, Twist2D]], begin: float, end: float
 ) -> Iterator[Tuple[Twist2D, float]]:
-    """Yield what was held between two times (s), and for how long (s), of velocities and since when (s) each was."""
+    """Yield (velocity, duration in s) between two times (s), from a row of (start time in s, velocity)."""
     ends = [since for since, _ in told][1:] + [end]
     for (since, velocity), until in zip(told, ends):
         duration = min(until, end) - max(since, begin)
@@ -154,12 +152,12 @@ def held_between(
 
 
 def way_held(pose: Pose2D, held: Iterable[Tuple[Twist2D, float]], step: float, turn_step: float) -> np.ndarray:
-    """Return the poses on which velocities lead that are held one after the other, shape (P, 3).
+    """Return the poses along velocities that are held one after the other, shape (P, 3).
 
     Args:
-        pose: Where that begins; of no velocity it is the only one.
-        held: Velocities (body frame), and how long each is held (s).
-        step, turn_step: Metres and radians from pose to pose, at most.
+        pose: Start, left out of the result unless there is nothing else.
+        held: Velocities (body frame), each with its duration (s).
+        step, turn_step: Largest spacing (m, rad) of the poses.
     """
     poses = [pose]
     for velocity, duration in held:

@@ -15,14 +15,14 @@ from mbf_relay.plugins import Plugin
 
 
 class Controller(Plugin, abc.ABC):
-    """Turns a path and what the robot sees into a velocity, once per cycle. It is never called by two threads at once.
+    """Computes a velocity from the path and the local costmap, once per cycle. One thread at a time may call it.
 
     Attributes:
-        watcher: Called with a CycleReport after each cycle, in the controller's thread, by controllers that give any;
-            None for nobody.
-        steering: Of a car whose driver takes a steering angle for a rate, as this controller's parameters say; None
-            where they do not. Velocities are rates here all the same.
-        odom_topic: The robot's odometry, where this controller's parameters name its topic; empty where they do not.
+        watcher: Called with a CycleReport after each cycle, in the controller's thread, by controllers that make
+            reports; None for no call.
+        steering: Geometry of a car whose base driver expects a steering angle in angular.z, where the parameters say
+            so; else None. Controllers compute rotational velocities all the same.
+        odom_topic: Topic of odometry, where the parameters name one; else empty.
     """
 
     steering: Optional[Steering] = None
@@ -34,16 +34,16 @@ class Controller(Plugin, abc.ABC):
         self._speed_limits: Dict[str, Tuple[SpeedLimit, Optional[Pose2D]]] = {}
 
     def limit_speed(self, limit: SpeedLimit, source: str = "") -> None:
-        """Drive no faster than `limit` until the robot has moved its distance; SpeedLimit() lifts it.
+        """Drive no faster than `limit` until the robot is farther away than its distance; SpeedLimit() lifts it.
 
         Args:
-            limit: Top speeds, and the distance for which they hold.
-            source: Who sets it. Each source has one limit, and the lowest holds.
+            limit: Top speeds, and the distance within which they hold.
+            source: Name of the source. Each source has one limit; the lowest of all holds.
         """
         self._speed_limits[source] = (limit, None)
 
     def speed_limit_at(self, pose: Pose2D) -> SpeedLimit:
-        """Return the limit in force with the robot at `pose`; one is lifted where the robot has moved far enough."""
+        """Return the limit in force at `pose` (costmap's frame); those left far enough behind are lifted."""
         lowest = SpeedLimit()
         for source, (limit, since) in list(self._speed_limits.items()):
             since = pose if since is None else since
@@ -59,12 +59,12 @@ class Controller(Plugin, abc.ABC):
 
     @property
     def top_speeds(self) -> Tuple[float, float]:
-        """Its own top speeds (m/s, rad/s), to which a speed zone's percentage refers; infinite where unknown."""
+        """The controller's top speeds (m/s, rad/s), to which percentages of speed zones refer; infinite if unknown."""
         return math.inf, math.inf
 
     @property
     def goal_tolerance(self) -> Optional[GoalTolerance]:
-        """Tolerance of a goal whose action names none; None for a controller that has none."""
+        """The tolerance used where the action's goal gives none; None for a controller that has none."""
         return None
 
     @abc.abstractmethod
@@ -73,7 +73,7 @@ class Controller(Plugin, abc.ABC):
 
         Args:
             path: At least one pose, all finite.
-            is_new_goal: False where only the way to the same goal changed; what was reached stays reached then.
+            is_new_goal: False for a new plan to the same goal: a position once reached then still counts as reached.
 
         Raises:
             ControlError: INVALID_PATH.
@@ -94,5 +94,5 @@ class Controller(Plugin, abc.ABC):
 
         Args:
             state: As for `compute_velocity`.
-            tolerance: From the action; the controller's own where None, and in the place of a part that is 0.
+            tolerance: From the action; None, or 0 in a field, stands for the controller's own.
         """

@@ -1,4 +1,4 @@
-"""What a controller that follows a path works on in one cycle."""
+"""The working data of one control cycle of a PathFollower."""
 
 from __future__ import annotations
 
@@ -13,19 +13,19 @@ from mbf_relay.geometry import Twist2D
 
 @dataclass(frozen=True)
 class ControlCycle:
-    """What one cycle works on.
+    """State, path, obstacles and limits of one cycle.
 
     Attributes:
-        state: As handed in.
-        path: The path round the robot.
-        checker: The obstacles.
-        velocity: The velocity the robot is at: the last command where it followed that, else as measured.
-        window: The velocities in reach, within the top speeds for now.
-        speed: Top translational speed (m/s) for now.
-        turn: Top rotational speed (rad/s) for now.
-        lookahead: Distance (m) ahead on the path whose direction the robot faces before it drives; its width at least.
-        horizon_scale: 1 in the open, less where the path ahead is narrow: by how much to shorten what the robot looks
-            ahead.
+        state: The argument of compute_velocity.
+        path: The part of the path near the robot.
+        checker: Footprint checks on the local costmap.
+        velocity: Present velocity, body frame: the last command where odometry agrees with it, else as measured.
+        window: Dynamic window: velocities reachable within one period, within the limits below.
+        speed: Top translational speed (m/s) in this cycle.
+        turn: Top rotational speed (rad/s) in this cycle.
+        lookahead: Distance (m) ahead on the path to the point that the robot turns to before it drives; at least its
+            width.
+        horizon_scale: Factor on lookahead distances and times: 1 in open space, less where the path ahead is narrow.
     """
 
     state: ControlState

@@ -1,4 +1,4 @@
-"""Why a cycle ended as it did: what each critic ruled out, and what the winner owes its place to."""
+"""Explanation of a scoring: what each critic ruled out, and which one decided for the winner."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Explanation:
-    """One cycle of scoring.
+    """The scores of one cycle.
 
     Attributes:
-        critics: In the order asked.
+        critics: In the order of the scores.
         scores: Shape (C, N): weighted cost by critic and trajectory; inf where ruled out.
         velocities: Shape (N, 3): the velocities sampled; the last one is standing still, which never wins.
         winner: Index of the trajectory chosen; None where all were ruled out.
@@ -32,7 +32,7 @@ class Explanation:
 
     @staticmethod
     def of(critics: Sequence[Critic], scores: np.ndarray, velocities: np.ndarray) -> Explanation:
-        """Return the explanation of scores, the cheapest trajectory the winner."""
+        """Return the explanation of scores (C, N); the winner is the trajectory of the lowest sum."""
         totals = scores.sum(axis=0)[:-1]
         winner = int(np.argmin(totals)) if len(totals) and np.isfinite(totals).any() else None
         return Explanation(tuple(critics), scores, velocities, winner)
@@ -44,19 +44,19 @@ class Explanation:
 
     @cached_property
     def judges_place(self) -> np.ndarray:
-        """Which critics judge the place a trajectory ends at, shape (C,)."""
+        """Which critics have `judges_place`, bool of shape (C,)."""
         return np.array([critic.judges_place for critic in self.critics], dtype=bool)
 
     def where_held(self) -> Explanation:
-        """Return what it would be without the critics that yield where they hold the robot."""
+        """Return the explanation without critics that have `yields_where_held`."""
         return self._without(critic.yields_where_held for critic in self.critics)
 
     def once_passed(self) -> Explanation:
-        """Return what it would be without the critics whose objections pass by themselves."""
+        """Return the explanation without critics that have `passes_by_itself`."""
         return self._without(critic.passes_by_itself for critic in self.critics)
 
     def without_charges_for_the_way(self) -> Explanation:
-        """Return what it would be did critics of the way charge nothing; what they rule out stays so."""
+        """Return the explanation with finite scores of critics that have `judges_way` set to 0."""
         scores = self.scores.copy()
         for critic, row in zip(self.critics, scores):
             if critic.judges_way:
@@ -65,7 +65,7 @@ class Explanation:
 
     def _without(self, left_out: Iterable[bool]) -> Explanation:
         out = np.fromiter(left_out, dtype=bool, count=len(self.critics))
-        if not self.scores[out].any():  # they said nothing: most of the time nobody comes, and nothing holds the robot
+        if not self.scores[out].any():  # they scored nothing, as in most cycles
             return self
         kept = np.flatnonzero(~out)
         return Explanation.of([self.critics[index] for index in kept], self.scores[kept], self.velocities)
@@ -78,11 +78,11 @@ class Explanation:
 
     @property
     def ruled_out(self) -> Dict[str, int]:
-        """How many trajectories each critic ruled out; one that several did counts with each."""
+        """Number of trajectories that each critic ruled out; those ruled out by several count with each."""
         return {critic.name: int(np.isinf(row[:-1]).sum()) for critic, row in zip(self.critics, self.scores)}
 
     def runner_up(self) -> Optional[int]:
-        """Return the best of the trajectories that go another way: other by a tenth of the window in some component."""
+        """Return the index of the best clearly different trajectory: by a tenth of the window in some component."""
         if self.winner is None:
             return None
         spread = np.ptp(self.velocities, axis=0)

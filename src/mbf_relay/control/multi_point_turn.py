@@ -1,4 +1,4 @@
-"""Turning a car round in several moves: on to where its path leads, in the direction in which that leads there."""
+"""Multi-point turns of a car: Reeds-Shepp curves to poses on its path, checked for collision."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from mbf_relay.control.way import Way
 from mbf_relay.costmap.footprint_checker import FootprintChecker
 from mbf_relay.geometry import Pose2D
 
-# in radii of the car's smallest circle
-EASIER = 1.1  # the circle it is planned with, which leaves it something to steer errors out with
-APART = 0.5  # between the places on the path that it may be turned to
-FARTHEST = 4.0  # of them along the path
-CUSP = 0.6  # way that a change of direction counts as
+# in minimum turning radii of the car
+EASIER = 1.1  # radius it is planned with, which leaves some steering to correct errors
+APART = 0.5  # spacing of the target poses on the path
+FARTHEST = 4.0  # distance of the last target along the path
+CUSP = 0.6  # cost of a change between forwards and backwards
 
-MOST = 80  # ways looked at for obstacles
-FEWER = 3  # of so many places on the path one, the last among them, where other moves come first
+MOST = 80  # curves checked for collision, cheapest first
+FEWER = 3  # every third target only, the last among them, where a first move is tried
 FIRST_MOVES: List[Word] = [
     [(turn, sign * length)] for length in (0.5, 1.0, 1.5) for sign in (1.0, -1.0) for turn in (LEFT, STRAIGHT, RIGHT)]
 
@@ -28,15 +28,15 @@ FIRST_MOVES: List[Word] = [
 def multi_point_turn(
     pose: Pose2D, path: LocalPath, checker: FootprintChecker, radius: float, reverses: bool
 ) -> Optional[Way]:
-    """Return the free way that is shortest, with what is left of the path from its end on; None where none is free.
+    """Return the cheapest free way to the path, by its length, changes of direction and the path left; None for none.
 
-    Where no way is free from where the car is, those are looked at that begin with another move.
+    Where no curve from the car's pose is free, curves are tried after each of FIRST_MOVES.
 
     Args:
-        pose: Where the car is.
-        path: It is to follow.
+        pose: The car's pose, in the costmap's frame.
+        path: The path it follows.
         checker: The obstacles.
-        radius: Of its smallest circle (m).
+        radius: Minimum turning radius (m).
         reverses: Whether it can drive backwards.
     """
     targets, depths = _targets(path, radius), checker.depths_at(pose)
@@ -62,11 +62,11 @@ def multi_point_turn(
 
 
 def _free_way(poses: np.ndarray, depths: np.ndarray, checker: FootprintChecker, radius: float) -> Optional[Way]:
-    """Return the way through poses, (S, 3), where it is free but for what the car touches already; else None.
+    """Return the way through poses, (S, 3), if it is free, apart from what the car touches already; else None.
 
     Args:
         poses: The first is the car's.
-        depths: Shape (2,): how deep (cells) its footprint lies in marks there; see FootprintChecker.
+        depths: Shape (2,): overlap (cells) of its footprint there; see FootprintChecker.depths_at.
         checker, radius: As for multi_point_turn.
     """
     if depths[0] < 0.0 and checker.touches(poses).any():
@@ -78,7 +78,7 @@ def _free_way(poses: np.ndarray, depths: np.ndarray, checker: FootprintChecker, 
 
 
 def _targets(path: LocalPath, radius: float) -> List[Tuple[float, Pose2D]]:
-    """Return places ahead on the path, by how far along it they lie (m), each in its direction there, and the goal."""
+    """Return (arc length in m, pose) of targets ahead: points of the path in its direction, and the goal if near."""
     apart, farthest = APART * radius, path.robot_arc + FARTHEST * radius
     known = min(path.goal_arc, float(path.arcs[-1]) - apart)
     targets = []

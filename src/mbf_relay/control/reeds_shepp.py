@@ -1,7 +1,7 @@
-"""Ways of a car from one pose to another: arcs of its smallest circle and straights, forwards and backwards.
+"""Reeds-Shepp curves: ways of a car between two poses, of arcs and straights, forwards and backwards.
 
-Source: Reeds and Shepp, "Optimal paths for a car that goes both forwards and backwards" (1990), section 8, by whose
-numbers the formulas are marked here. The shortest way of all is among them where nothing stands in between.
+Source: Reeds and Shepp, "Optimal paths for a car that goes both forwards and backwards" (1990), section 8, whose
+equation numbers stand at the formulas. Among them is the shortest of all ways without obstacles.
 """
 
 from __future__ import annotations
@@ -14,18 +14,18 @@ import numpy as np
 from mbf_relay.geometry import Pose2D, normalize_angle
 
 LEFT, STRAIGHT, RIGHT = 1, 0, -1
-SHORT = 1e-6  # of the circle's radius: a part so short is none
+SHORT = 1e-6  # radii: shorter parts are dropped
 
 Word = List[Tuple[int, float]]
-"""Turns and the way driven with each, in radii of the circle, below 0 backwards."""
+"""Segments: (LEFT, STRAIGHT or RIGHT, length in turning radii, below 0 for backwards)."""
 
 
 class Curve(NamedTuple):
-    """One way, made of arcs and straights.
+    """One way of arcs and straights.
 
     Attributes:
-        word: Its parts, in radii of the circle.
-        radius: Of the circle (m).
+        word: Its segments.
+        radius: Turning radius (m).
     """
 
     word: Word
@@ -38,17 +38,17 @@ class Curve(NamedTuple):
 
     @property
     def cusps(self) -> int:
-        """How often it changes between forwards and backwards."""
+        """Number of changes between forwards and backwards."""
         signs = [length > 0.0 for _, length in self.word]
         return sum(one != other for one, other in zip(signs, signs[1:]))
 
     def forwards(self) -> Optional[Curve]:
-        """Return it with what is left of the circle for every arc backwards; None where a straight leads backwards."""
+        """Return it with each backward arc replaced by the rest of its circle; None if a straight leads backwards."""
         word = [(turn, length % (2.0 * math.pi) if turn else length) for turn, length in self.word]
         return Curve(word, self.radius) if all(length > 0.0 for _, length in word) else None
 
     def poses(self, start: Pose2D, step: float) -> np.ndarray:
-        """Return poses along it from `start` on, no farther apart than `step` (m), with every part's end; (S, 3)."""
+        """Return poses from `start` on, at most `step` (m) apart, with the end of each segment; shape (S, 3)."""
         parts = [np.array([start], dtype=float)]
         for turn, length in self.word:
             x, y, theta = parts[-1][-1]
@@ -65,11 +65,11 @@ class Curve(NamedTuple):
 
 
 def curves(start: Pose2D, goal: Pose2D, radius: float) -> List[Curve]:
-    """Return ways from one pose to another that curve no more than a circle does.
+    """Return the Reeds-Shepp curves from one pose to another, unsorted.
 
     Args:
         start, goal: In one frame.
-        radius: Of the circle (m).
+        radius: Turning radius (m).
     """
     x, y, theta = goal.relative_to(start)
     x, y = x / radius, y / radius
@@ -82,7 +82,7 @@ def curves(start: Pose2D, goal: Pose2D, radius: float) -> List[Curve]:
 
 
 def _words(x: float, y: float, phi: float) -> Iterator[Word]:
-    """Yield the words of every formula, driven as they are, the other way round in time, and seen in a mirror."""
+    """Yield the words of every formula, and their time-flipped, reflected and time-flipped reflected forms."""
     for formula in FORMULAS:
         for word in formula(x, y, phi):
             yield word
@@ -129,7 +129,7 @@ def _ccc(x: float, y: float, phi: float) -> Iterator[Word]:
 
 
 def _cccc(x: float, y: float, phi: float) -> Iterator[Word]:
-    """8.7 and 8.8: L+ R+ L- R-, L+ R- L- R+, the two in the middle as long as each other."""
+    """8.7 and 8.8: L+ R+ L- R-, L+ R- L- R+, with both middle segments of one length."""
     rho, theta = _polar(x + math.sin(phi), y - 1.0 - math.cos(phi))
     if rho <= 4.0:
         if rho <= 2.0:
@@ -148,7 +148,7 @@ def _cccc(x: float, y: float, phi: float) -> Iterator[Word]:
 
 
 def _ccsc(x: float, y: float, phi: float) -> Iterator[Word]:
-    """8.9 and 8.10, with a quarter of a circle beside the cusp: L+ R- S- L-, L+ R- S- R-, and backwards in order."""
+    """8.9 and 8.10, with a quarter circle next to the cusp: L+ R- S- L-, L+ R- S- R-, and in reverse order."""
     quarter = math.pi / 2.0
     rho, theta = _polar(x - math.sin(phi), y - 1.0 + math.cos(phi))
     if rho >= 2.0:
@@ -166,7 +166,7 @@ def _ccsc(x: float, y: float, phi: float) -> Iterator[Word]:
 
 
 def _ccscc(x: float, y: float, phi: float) -> Iterator[Word]:
-    """8.11: L+ R- S- L- R+, with a quarter of a circle before and after the straight."""
+    """8.11: L+ R- S- L- R+, with a quarter circle before and after the straight."""
     quarter = math.pi / 2.0
     rho, theta = _polar(x + math.sin(phi), y - 1.0 - math.cos(phi))
     if rho >= 4.0:

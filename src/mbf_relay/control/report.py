@@ -1,4 +1,4 @@
-"""What a controller shows of a cycle to whoever watches it."""
+"""The report of a control cycle, for topics and displays."""
 
 from __future__ import annotations
 
@@ -20,14 +20,15 @@ class CycleReport:
 
     Attributes:
         now: Time (s).
-        costmap: What the robot saw.
-        path: The path round the robot.
-        trajectory: Shape (S, 3): where the command would lead; empty where the robot only turns or stands.
-        trajectories: The batch it was chosen from, where there was one.
-        totals: Shape (N,): their costs; inf for those ruled out.
-        explanation: Why; as a text, one line for a person. None where there is nothing to say.
-        shows_trajectories: Whether the user wants the batch published.
-        cost_weights: What the three `cell_costs` weigh, where the user wants them published; None where not.
+        costmap: The local costmap.
+        path: The part of the path near the robot.
+        trajectory: Shape (S, 3): poses along the command's trajectory; empty where the robot turns, stands or backs
+            out.
+        trajectories: The batch it was chosen from, None where there was none.
+        totals: Shape (N,): their total costs; inf for those ruled out.
+        explanation: Why it was chosen; str() gives one line for a log. None where nothing was scored.
+        shows_trajectories: Whether the parameters ask for the batch to be published.
+        cost_weights: Weights of the three `cell_costs`, where the parameters ask for those to be published; else None.
     """
 
     now: float
@@ -41,7 +42,7 @@ class CycleReport:
     cost_weights: Optional[Tuple[float, float, float]] = None
 
     def path_ahead(self) -> np.ndarray:
-        """Return the path from the robot on, within the costmap: (K, 3) poses."""
+        """Return the path from the robot to where it leaves the costmap, poses of shape (K, 3)."""
         ahead = (self.path.arcs >= self.path.robot_arc) & (self.path.arcs <= self.path.goal_arc)
         points = self.path.points[ahead]
         inside = self.costmap.grid.contains_cells(self.costmap.grid.cells_at(points))
@@ -53,9 +54,9 @@ class CycleReport:
         return np.column_stack((points, np.append(headings, headings[-1])))
 
     def cell_costs(self) -> Tuple[np.ndarray, np.ndarray]:
-        """Return the free cells' centres, (M, 2) in metres, and what being there costs: (M, 3).
+        """Return the centres of free cells, (M, 2) in metres, and their costs, (M, 3).
 
-        The three are metres to the path, metres of path left, and the costmap's cost.
+        These are distance to the path (m), path left from there to its end (m), and the costmap's cost.
         """
         grid: Grid = self.costmap.grid
         rows, columns = np.nonzero(self.costmap.costs < INSCRIBED)

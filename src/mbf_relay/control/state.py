@@ -1,4 +1,4 @@
-"""What a controller is told in a cycle: the state of robot and surroundings, tolerances, and limits for a while."""
+"""Inputs of a controller: state of robot and costmap in a cycle, goal tolerance, and temporary speed limits."""
 
 from __future__ import annotations
 
@@ -16,18 +16,18 @@ class ControlState:
 
     Attributes:
         now: Time (s).
-        pose: The robot in the costmap's frame, where it will be when it does what it is told now.
+        pose: The robot in the costmap's frame, predicted to the time `now + delay` at which a command sent now takes
+            effect.
         velocity: The robot's velocity from odometry, body frame.
         costmap: The local costmap.
-        costmap_from_path: Takes poses in the path's frame to the costmap's frame.
+        costmap_from_path: Transform from the path's frame to the costmap's frame.
         period: Time (s) until the next cycle.
-        commanded: The velocity sent to the robot last, where known: not the controller's own last one where that was
-            held back, as at the end of a drive that was called off.
-        delay: Seconds from a command to the motion it leads to, which lie between `now` and the time of `pose`; 0.0
-            where that is little.
+        commanded: The velocity published last, where known. It differs from the controller's last one where that was
+            not published, as at the end of a cancelled drive.
+        delay: Time (s) from a command to the motion it causes; 0.0 where that is negligible.
         pose_now: The robot in the costmap's frame at `now`; None where that is `pose`.
-        told: What the wheels were told since the last cycle, on the mean, where known: less than the controller said
-            where that came late, was slowed down or was held back.
+        told: Mean velocity sent to the wheels since the last cycle, where known; lower than the controller's where its
+            command was late, slowed down or not published.
     """
 
     now: float
@@ -44,7 +44,7 @@ class ControlState:
 
 @dataclass(frozen=True)
 class GoalTolerance:
-    """How near to the goal counts as reached.
+    """Distance and angle to the goal within which it counts as reached.
 
     Attributes:
         distance: Metres.
@@ -56,22 +56,22 @@ class GoalTolerance:
 
     @staticmethod
     def of(given: Optional[GoalTolerance], distance: float, angle: float) -> GoalTolerance:
-        """Return a goal's own tolerance where it has one, with these (m, rad) in the place of a part that is 0.
+        """Return a goal's own tolerance, with these defaults (m, rad) where it has none or a field is 0.
 
-        No robot stands anywhere that exactly: in a message, 0 is a field that nobody filled in.
+        A 0 in a message is a field that was not filled in.
         """
         return GoalTolerance(*((given.distance or distance, given.angle or angle) if given else (distance, angle)))
 
 
 @dataclass(frozen=True)
 class SpeedLimit:
-    """Lower top speeds for a while.
+    """Temporary limits of the speed.
 
     Attributes:
-        translation: Metres per second.
-        rotation: Radians per second.
-        share: Of the controller's own top speeds.
-        distance: Metres from where it was set, beyond which it no longer holds.
+        translation: Top translational speed (m/s).
+        rotation: Top rotational speed (rad/s).
+        distance: Distance (m) from where it was set beyond which it is lifted.
+        share: Further limit, as a share of the controller's own top speeds.
     """
 
     translation: float = math.inf
@@ -80,7 +80,7 @@ class SpeedLimit:
     share: float = 1.0
 
     def of(self, translation: float, rotation: float) -> Tuple[float, float]:
-        """Return what is left of a controller's own top speeds (m/s, rad/s)."""
+        """Return a controller's own top speeds (m/s, rad/s) with this limit applied."""
         return min(self.share * translation, self.translation), min(self.share * rotation, self.rotation)
 
     def slowed(self, velocity: Twist2D, translation: float, rotation: float) -> Twist2D:

@@ -1,4 +1,4 @@
-"""Cars whose driver takes the angle of the front wheels where others take a rate of turning."""
+"""Conversion between rotational velocity and steering angle, for cars whose base driver expects the angle."""
 
 from __future__ import annotations
 
@@ -9,20 +9,20 @@ from mbf_relay.geometry import Twist2D
 
 
 class Steering(NamedTuple):
-    """A car's steering, by the model of a bicycle.
+    """A car's steering by the bicycle model.
 
     Attributes:
         wheelbase: Distance (m) from the rear axle to the front one; below 0 for a car that steers with its rear wheels.
-        least_radius: Smallest circle (m) its rear axle drives; 0 where that is not known.
+        least_radius: Minimum turning radius (m) of the rear axle; 0 if unknown.
     """
 
     wheelbase: float
     least_radius: float = 0.0
 
     def steered(self, velocity: Twist2D) -> Twist2D:
-        """Return a velocity with the steering angle (rad) in place of its rate; 0 for a car that stands.
+        """Return a velocity with the steering angle (rad) in place of the rotational velocity; 0 at standstill.
 
-        As teb_local_planner has it with cmd_angle_instead_rotvel: a rate too high for its speed is the smallest circle.
+        Like teb_local_planner with cmd_angle_instead_rotvel: curves tighter than `least_radius` become that radius.
         """
         if velocity.x == 0.0 or velocity.theta == 0.0:
             return velocity._replace(theta=0.0)
@@ -31,9 +31,9 @@ class Steering(NamedTuple):
         return velocity._replace(theta=math.atan(self.wheelbase / radius))
 
     def turning(self, command: Twist2D) -> Twist2D:
-        """Return what a command with a steering angle comes to as a velocity: the reverse of `steered`.
+        """Return the velocity of a command that has a steering angle (rad) in `theta`; the inverse of `steered`.
 
-        One that is not finite stays so; of an infinite angle there is no tangent.
+        A command that is not finite is returned as it is, because math.tan raises on an infinite angle.
         """
         if not command.is_finite():
             return command

@@ -1,4 +1,4 @@
-"""How a robot comes to a stand: by each component of its velocity, or by the wheels of a differential drive."""
+"""Time and way to brake to a stop: with independent axes, or with the two wheels of a differential drive."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from mbf_relay.geometry import Pose2D, Twist2D
 def seconds_to_brake(
     velocity: Twist2D, acceleration: float, turn_acceleration: float, wheel_separation: float
 ) -> float:
-    """Return how long (s) a robot brakes from a velocity until it stands.
+    """Return the time (s) to brake from a velocity to a stop.
 
-    The two wheels of a differential drive have one acceleration for speed and turn together.
+    With a wheel separation the faster wheel decides; without, translation and rotation brake independently.
 
     Args:
         velocity: Body frame.
-        acceleration: Of the speed, or of a wheel's rim (m/s^2).
-        turn_acceleration: Of the turn (rad/s^2), where it brakes by itself.
-        wheel_separation: Between the wheels (m); 0 where speed and turn brake each by itself.
+        acceleration: Translational deceleration, or that of a wheel's rim (m/s^2).
+        turn_acceleration: Rotational deceleration (rad/s^2), used if wheel_separation is 0.
+        wheel_separation: Distance between the wheels of a differential drive (m); 0 if unknown.
     """
     speed, turn = velocity.speed(), abs(velocity.theta)
     if wheel_separation > 0.0:
@@ -31,16 +31,17 @@ def seconds_to_brake(
 def way_to_a_stand(
     start: Pose2D, velocity: Twist2D, wheel_separation: float, acceleration: float, step: float, turn_step: float
 ) -> np.ndarray:
-    """Return the poses on which a differential drive comes to a stand whose wheels are told to stop, shape (S, 3).
+    """Return the poses, shape (S, 3), through which a differential drive stops when both wheels brake at once.
 
-    Each wheel slows down as hard as it can, by itself: while both do, the robot turns as fast as before, on a spiral.
+    Each wheel decelerates independently at the same rate: as long as both still roll, the rate of turning stays while
+    the speed falls, so that the robot drives a spiral.
 
     Args:
-        start: Where braking begins.
-        velocity: How fast it is there, body frame.
-        wheel_separation: Between the wheels (m), above 0.
-        acceleration: Of a wheel's rim (m/s^2).
-        step, turn_step: Metres and radians from pose to pose, a little more where it bends most.
+        start: Pose at which braking begins.
+        velocity: Velocity there, body frame.
+        wheel_separation: Distance between the wheels (m), above 0.
+        acceleration: Deceleration of a wheel's rim (m/s^2).
+        step, turn_step: Spacing of the poses (m, rad); a little more where the curvature is highest.
     """
     speeds = velocity.x + 0.5 * wheel_separation * velocity.theta * np.array([-1.0, 1.0])
     stops = np.abs(speeds) / acceleration

@@ -1,4 +1,4 @@
-"""The trail: where a robot has been of late, and the way back along it, which was free when it came."""
+"""The poses the robot has driven through lately, and the way back along them."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ from mbf_relay.control.way import Way
 from mbf_relay.costmap.footprint_checker import FootprintChecker
 from mbf_relay.geometry import Pose2D, normalize_angles
 
-APART = 2.5  # checked steps between poses noted: half a cell, as exactly as obstacles are known
-MOST = 256  # poses noted: more way than a local costmap shows
+APART = 2.5  # spacing of the poses noted, in the checker's steps: half a cell, the accuracy of obstacles
+MOST = 256  # poses noted: longer than the way across a local costmap
 
 
 class Trail:
-    """Notes poses, and how deep the footprint lay in marks there.
+    """Notes poses, and how deep the footprint lay in occupied cells there.
 
-    A costmap has marks where a robot that passed them by a hair has been. It came in because what it touches already
-    it may go on touching; once it touches nothing they would shut it in. It has been there, so they are not in its
-    way, as long as they are what they were.
+    A robot that passes an obstacle closely may overlap its cells in the costmap. It can go on, since it may keep
+    touching what it touches already; but on the way back, from where it touches nothing, the same cells would block
+    it. As it was there already, overlap up to the depth noted is allowed on the way back.
     """
 
     def __init__(self) -> None:
@@ -28,11 +28,11 @@ class Trail:
         self._frame: Optional[str] = None
 
     def note(self, pose: Pose2D, checker: FootprintChecker) -> None:
-        """Note where the robot is; a loop it has driven is left out."""
+        """Note the robot's pose (costmap's frame); where it returns to an earlier one, what lies between is dropped."""
         away = self._poses - pose
         distances = np.hypot(away[:, 0], away[:, 1])
         if len(away) and (checker.costmap.frame != self._frame or distances[-1] > checker.costmap.width):
-            self.__init__()  # type: ignore[misc]  # set down elsewhere
+            self.__init__()  # type: ignore[misc]  # another frame, or the pose jumped
             away, distances = away[:0], distances[:0]
         self._frame = checker.costmap.frame
         depths = checker.depths_at(pose)
@@ -47,7 +47,7 @@ class Trail:
             self._depths = np.vstack((self._depths[1 - MOST:], depths))
 
     def way_back(self, pose: Pose2D, checker: FootprintChecker) -> Way:
-        """Return the way back from the pose noted last, where the robot is; where none was, there is none."""
+        """Return the way back from `pose`, where the robot is; of one pose alone if nothing was noted."""
         if not len(self._poses):
             return Way(np.array([pose]), np.full((1, 2), -1.0), checker.costmap.width)
         corners = np.vstack((pose, self._poses[-2::-1]))

@@ -1,4 +1,4 @@
-"""A controller by another planner's parameters: one of this package's drives, and its parameters are made of them."""
+"""A controller configured by another local planner's parameters, translated for one of this package."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from mbf_relay.geometry import Twist2D
 from mbf_relay.planning.path import Path
 
 USUAL_RESOLUTION = 0.05
-"""Side (m) of a cell, until the first cycle shows the costmap."""
+"""Cell size (m) assumed until the first cycle gives the costmap."""
 
 
 class TranslatedController(Controller, abc.ABC):
-    """Hands everything to a controller whose parameters `translate` gives."""
+    """Delegates to the controller that `translate` gives."""
 
     def __init__(self, name: str, parameters: Any) -> None:
         super().__init__(name, parameters)
@@ -26,15 +26,15 @@ class TranslatedController(Controller, abc.ABC):
 
     @abc.abstractmethod
     def translate(self, parameters: Any, resolution: float) -> Tuple[Type[PathFollower], Any]:
-        """Return the class of the controller that drives, which is chosen for good, and its parameters.
+        """Return the controller's class, which only counts when this is made, and its parameters.
 
         Args:
-            parameters: The values in force.
-            resolution: Side (m) of the local costmap's cells.
+            parameters: The present values, by the other planner's names.
+            resolution: Cell size (m) of the local costmap.
         """
 
     def reconfigure(self, parameters: Any) -> None:
-        """Take new parameters, and have them driven by."""
+        """Take new parameters and pass their translation on."""
         super().reconfigure(parameters)
         self._driver.reconfigure(self.translate(parameters, self._resolution)[1])
 

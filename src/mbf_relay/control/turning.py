@@ -1,4 +1,4 @@
-"""Turning on the spot: how fast, and which way round."""
+"""Turning on the spot: the rotational velocity, and the free direction."""
 
 from __future__ import annotations
 
@@ -14,18 +14,17 @@ from mbf_relay.geometry import Pose2D
 
 
 def turn_rate(error: float, rate: float, parameters: FollowerParameters, period: float, top: float) -> float:
-    """Return the rotational velocity to command in order to turn by `error` and stand still there.
+    """Return the rotational velocity (rad/s) that turns by `error` and stops there.
 
-    It is the fastest from which the robot can brake in time, within acceleration. Below min_vel_theta it only starts
-    and brakes: a robot that stands and is off by more than its tolerance gets at least that much, or what acceleration
-    allows.
+    It is the highest from which the robot can brake in time, within acceleration, and at least min_vel_theta unless the
+    robot is braking, or that would overshoot within the period.
 
     Args:
-        error: Turn left (rad), positive to the left.
+        error: Remaining angle (rad), positive to the left.
         rate: Present rotational velocity (rad/s).
         parameters: Limits.
-        period: Seconds the command will hold.
-        top: Top rotational speed (rad/s) for now.
+        period: Time (s) for which the command holds.
+        top: Top rotational speed (rad/s).
     """
     change = parameters.acc_lim_theta * period
     wanted = min(top, speed_to_stop_within(abs(error), parameters.acc_lim_theta, period))
@@ -36,7 +35,7 @@ def turn_rate(error: float, rate: float, parameters: FollowerParameters, period:
 
 
 def free_turn(checker: FootprintChecker, pose: Pose2D, angle: float) -> float:
-    """Return how much of a turn on the spot by `angle` (rad) is free, as an angle of 0 or above."""
+    """Return the angle (rad, 0 or above) up to which a turn on the spot by `angle` is free."""
     count = max(1, math.ceil(abs(angle) / checker.turn_step))
     headings = pose.theta + np.linspace(angle / count, angle, count)
     poses = np.column_stack((np.full(count, pose.x), np.full(count, pose.y), headings))
@@ -44,9 +43,7 @@ def free_turn(checker: FootprintChecker, pose: Pose2D, angle: float) -> float:
 
 
 def free_way_round(checker: FootprintChecker, pose: Pose2D, error: float) -> Optional[float]:
-    """Return the turn (rad) that leads to a heading `error` away without touching.
-
-    The short way, the long one, or None.
+    """Return the turn (rad) to a heading `error` (rad) away that is free: the short one, else the long one, else None.
     """
     if free_turn(checker, pose, error) >= abs(error) - 1e-9:
         return error

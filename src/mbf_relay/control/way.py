@@ -1,4 +1,4 @@
-"""A way through poses, such as the one a robot came by, driven slowly and true to it."""
+"""Slow, exact tracking of a sequence of poses, such as those the robot came by."""
 
 from __future__ import annotations
 
@@ -13,24 +13,25 @@ from mbf_relay.control.turning import turn_rate
 from mbf_relay.costmap.footprint_checker import FootprintChecker
 from mbf_relay.geometry import Pose2D, Twist2D, angle_between, normalize_angles
 
-DEEPER = 0.5  # cells by which a mark may lie deeper than noted: what is seen anew is marked half a cell off
-BESIDE = 0.5  # robot's widths along the way within which one mark is passed
-STEER = 0.3  # robot's widths in which an error across the way is steered out
-STEER_CAR = 0.5  # of the radius of its curves, in which a car does that
-ON_THE_SPOT = 0.12  # robot's widths: a turn round less than that is one on the spot
+DEEPER = 0.5  # cells by which overlap may exceed that noted: obstacles seen again are marked up to half a cell off
+BESIDE = 0.5  # robot's widths along the way within which overlap noted at one pose is allowed at others
+STEER = 0.3  # robot's widths of way over which a lateral error is corrected
+STEER_CAR = 0.5  # the same for a car, as a share of its minimum turning radius
+ON_THE_SPOT = 0.12  # robot's widths: curves of a smaller radius are driven as turns on the spot
 
 
 class Way:
-    """Poses in a row, and what to command to get from each to the next, forwards, backwards or on the spot.
+    """A sequence of poses, and the commands that drive it, forwards, backwards or on the spot.
 
     Args:
         poses: Shape (S, 3), in the costmap's frame; the first is the robot's.
-        depths: Shape (S, 2): how deep (cells) the footprint lay in marks when it was there; see FootprintChecker.
-        width: The robot's (m).
-        radius: Least radius (m) of its curves; 0 where it turns on the spot.
+        depths: Shape (S, 2): overlap (cells) with occupied cells that is allowed at each; see
+            FootprintChecker.depths_at.
+        width: The robot's width (m).
+        radius: Minimum turning radius (m); 0 for a robot that turns on the spot.
 
     Attributes:
-        arcs: Shape (S,): way (m) of the robot's rim to each.
+        arcs: Shape (S,): distance (m) driven up to each pose, a turn counting by the way of the robot's side.
     """
 
     def __init__(self, poses: np.ndarray, depths: np.ndarray, width: float, radius: float = 0.0) -> None:
@@ -49,25 +50,25 @@ class Way:
         self._at = 0
 
     def free_poses(self, checker: FootprintChecker) -> int:
-        """Return how many of the poses left are free before the first that is not."""
+        """Return the number of remaining poses that are free before the first that is not."""
         return self._free(checker, self.poses[self._at:], self._allowed[self._at:])
 
     def cut(self, last: int) -> None:
-        """Let the way end at one of its poses."""
+        """Drop all poses after the one of index `last`."""
         self.poses, self.arcs, self._allowed = self.poses[:last + 1], self.arcs[:last + 1], self._allowed[:last + 1]
 
     def command(
         self, pose: Pose2D, velocity: Twist2D, checker: FootprintChecker, parameters: FollowerParameters,
         period: float, speeds: tuple[float, float], top_turn: float,
     ) -> Optional[Twist2D]:
-        """Return the next velocity on the way, None at its end or where it is not free any more.
+        """Return the next velocity along the way, None at its end or where it is no longer free.
 
         Args:
-            pose, velocity: The robot now.
+            pose, velocity: The robot's present pose (costmap's frame) and velocity (body frame).
             checker: The obstacles.
             parameters: Limits.
-            period: Seconds until the next command.
-            speeds: The slowest and the fastest (m/s) of the drive.
+            period: Time (s) until the next command.
+            speeds: Lowest and highest speed (m/s) along the way.
             top_turn: Top rotational speed (rad/s).
         """
         last = len(self.poses) - 1
@@ -96,7 +97,7 @@ class Way:
         self, sign: float, end: int, pose: Pose2D, velocity: Twist2D, parameters: FollowerParameters, period: float,
         speeds: tuple[float, float], top_turn: float,
     ) -> Twist2D:
-        """Return the command on a stretch that leads one way.
+        """Return the command on a part that leads forwards only, or backwards only, up to the pose of index `end`.
 
         Source: Kanayama et al., "A stable tracking control method for an autonomous mobile robot" (1990), equation 10.
         """
@@ -111,7 +112,7 @@ class Way:
         near = max(at + 1, min(end, int(np.searchsorted(self.arcs, self.arcs[at] + reach))))
         curvature = float(self._turns[at:near].sum() / self._ahead[at:near].sum())
         turn = 0.0
-        if speed * sign > 0.0:  # one that still rolls the other way would turn to the wrong side
+        if speed * sign > 0.0:  # rolling the other way still, it would turn to the wrong side
             turn = speed * (curvature - error.y / reach ** 2) - abs(speed) * 2.0 * math.sin(error.theta) / reach
         if self._radius > 0.0:
             top_turn = min(top_turn, abs(speed) / self._radius)
@@ -120,7 +121,7 @@ class Way:
         return Twist2D(speed, 0.0, min(velocity.theta + most, max(velocity.theta - most, turn)))
 
     def _is_past(self, at: int, pose: Pose2D) -> bool:
-        """Return whether the robot has come at least as far as the pose after this one."""
+        """Return whether the robot has reached the pose of index `at + 1`, or half of a turn on the spot to it."""
         if self._signs[at] == 0.0:
             left = angle_between(pose.theta, self.poses[at + 1, 2])
             return bool(math.copysign(1.0, self._turns[at]) * left <= 0.5 * abs(self._turns[at]))
@@ -129,12 +130,12 @@ class Way:
 
     @property
     def goes_back(self) -> bool:
-        """Whether any of it is driven backwards."""
+        """Whether any part is driven backwards."""
         return bool((self._signs < 0.0).any())
 
     @staticmethod
     def _free(checker: FootprintChecker, poses: np.ndarray, allowed: np.ndarray) -> int:
-        """Return how many of the poses are free before one where more is entered than `allowed`, (S, 2)."""
+        """Return the number of poses before the first that overlaps more than `allowed`, (S, 2), as of depths_at."""
         for number in np.flatnonzero(checker.touches(poses)).tolist():
             deepest, total = checker.depths_at(Pose2D(*poses[number].tolist()))
             most = allowed[number, 0] + DEEPER
