@@ -1,4 +1,4 @@
-"""The four actions on goal handles: requests in from any thread, everything else on the stepping thread."""
+"""The four action servers: callbacks queue goals and cancels, the stepping thread carries them out and answers."""
 
 from __future__ import annotations
 
@@ -29,12 +29,22 @@ from mbf_relay.ros.common.actions.goal_tracker import TrackedGoal
 from mbf_relay.ros.server import messages
 
 BEGUN_PER_STEP = 5
-"""Goals begun in one step of navigation, at most: the others wait for the next, so that a client that sends hundreds at
-once does not keep a driving robot waiting for its velocity."""
+"""Largest number of goals begun in one step of navigation, so that hundreds of goals at once do not delay a driving
+robot's next velocity."""
 
 
 class Request:
-    """A goal handle, its goal being read (None where it is called off already), and once it was taken up, its task."""
+    """A goal from its arrival on: its handle, the conversion of its message, and later its task.
+
+    Args:
+        handle: The goal's handle.
+        reading: Job that converts the message; None for a goal that was cancelled before it came.
+
+    Attributes:
+        slot: Its concurrency slot; 0 where the message has none.
+        cancelled: Whether a cancel has come.
+        task: The navigator's task, None before the goal has begun.
+    """
 
     def __init__(self, handle: TrackedGoal, reading: Optional[Job]) -> None:
         self.handle, self.reading = handle, reading
@@ -45,21 +55,21 @@ class Request:
 
 
 class Action:
-    """One action server: what it takes, whom it asks, what it answers.
+    """One action server and the conversion of its messages.
 
     Args:
-        name: Name below the node's.
+        name: Name of the action in the node's private namespace.
         action_type: Generated message class.
         result_type: Generated class of its result.
-        outcomes: The enumeration of its outcomes.
-        read: Converts a goal message; raises NavigationError for nonsense. Runs on the worker, as a long path takes
-            its time.
-        begin: Hands the goal to the navigator.
+        outcomes: Enumeration of its outcomes.
+        read: Converts a goal message; raises NavigationError where it is invalid. Called on the worker, since long
+            paths take time.
+        begin: Hands the goal to the navigator and returns its task.
         result: Converts a task's result, given a stamp.
         feedback: Converts feedback, given stamp and robot frame; None where the action has none.
         robot_frame: The robot's frame, for feedback.
         worker: Runs `read`.
-        wake: Has `take_up` called soon; called from any thread.
+        wake: Wakes the stepping thread, which calls `take_up`; called from any thread.
         make_server: Makes the action server; constructor as ActionServer's.
         ros_now: Gives ROS time, as a message has it.
 
@@ -76,7 +86,7 @@ class Action:
         self.name, self._read, self._begin_goal, self._result, self._feedback = name, read, begin, result, feedback
         self._result_type, self._outcomes = result_type, outcomes
         self._robot_frame, self._worker, self._wake, self._ros_now = robot_frame, worker, wake, ros_now
-        # guards the two below; taken inside the action server's lock, so never that one inside this
+        # guards the two below; taken while the action server's lock is held, so that one must not be taken inside this
         self._lock = threading.Lock()
         self._inbox: Deque[Request] = collections.deque()
         self._requests: Dict[str, Request] = {}
@@ -84,7 +94,7 @@ class Action:
         self.server = make_server(
             f"~{name}", action_type, self._on_goal, self._on_cancel, self._recalled, overtaken_cb=self._on_overtaken)
 
-    # callbacks: they note what was asked and wake the stepper
+    # callbacks, in rospy's threads: they queue requests and wake the stepping thread
 
     def _on_goal(self, handle: TrackedGoal) -> None:
         goal = handle.get_goal()
@@ -107,14 +117,13 @@ class Action:
 
     def _on_overtaken(self, handle: TrackedGoal) -> None:
         with self._lock:
-            self._inbox.append(Request(handle, None))  # not among the requests: it ends by itself
+            self._inbox.append(Request(handle, None))  # not in _requests: the action server has ended it
         self._wake()
 
     # the stepping thread
 
     def take_up(self) -> bool:
-        """Begin goals that came since the last call, in their order, up to BEGUN_PER_STEP; return whether more wait.
-        """
+        """Begin goals in the order they came, up to BEGUN_PER_STEP; return whether more are ready."""
         taken: List[Request] = []
         with self._lock:
             while self._is_ready() and len(taken) < BEGUN_PER_STEP:
@@ -131,7 +140,7 @@ class Action:
         return first.reading is None or first.cancelled or first.reading.done
 
     def report(self) -> None:
-        """Send what running goals have to say, and how they ended."""
+        """Send feedback of running goals, and results of those that have ended."""
         stamp = self._ros_now()
         still_running: List[Request] = []
         with self._lock:
@@ -149,20 +158,20 @@ class Action:
         self._running = still_running
 
     def abort_all(self, outcome: str, message: str) -> None:
-        """End every goal that is left, for when stepping itself failed or the node goes down."""
+        """Abort all goals, as after an internal error or at shutdown; `outcome` is a name in the enumeration."""
         with self._lock:
             self._inbox.clear()
         self.abort_running(outcome, message)
         self._running = []
 
     def abort_running(self, outcome: str, message: str) -> None:
-        """End every goal in pursuit, from any thread, while the stepping thread hangs; what waits to begin may go on.
+        """Abort all goals that have begun, from any thread, while the stepping thread hangs; queued goals stay.
         """
         with self._lock:
             begun = [request for request in self._requests.values() if request.cancelled or request not in self._inbox]
         for request in begun:
             task = request.task
-            if task is not None and task.ending is not None:  # a moment ago; one that is refused cannot be aborted
+            if task is not None and task.ending is not None:  # just now; a rejected goal cannot be aborted
                 self._end(request, task.ending, self._result(task.result, self._ros_now()))
             else:
                 if task is None:
@@ -180,7 +189,7 @@ class Action:
             request.handle.set_accepted()
             self._end(request, Ending.ABORTED, self._failure(error.outcome, error.message))
             return
-        except Exception as error:  # a goal nobody foresaw ends alone
+        except Exception as error:  # an unforeseen message must end its own goal only
             request.handle.set_accepted()
             text = f"the goal could not be read: {type(error).__name__}: {error}"
             self._end(request, Ending.ABORTED, self._failure(self._outcomes["INTERNAL_ERROR"], text))
@@ -195,9 +204,9 @@ class Action:
         self._running.append(request)
 
     def _call_off(self, slot: int) -> None:
-        """Call off what runs in a slot, in whose place a goal came that was called off before it began.
+        """Cancel what runs in a slot, because a newer goal for it was cancelled before it began.
 
-        A client that sent both answers for the newer one alone: nobody would be left to stop the robot.
+        The client has replaced its old goal by the new one and will not cancel the old one.
         """
         for running in self._running:
             if running.slot == slot and running.task is not None:
@@ -213,7 +222,7 @@ class Action:
         handle = request.handle
         with self._lock:
             if self._requests.pop(request.goal_id, None) is None:
-                return  # it was ended while the stepping thread hung
+                return  # abort_running has ended it while the stepping thread hung
         if ending is Ending.CANCELED and handle.lapse:
             result.message = handle.lapse
         finish = {
@@ -230,14 +239,14 @@ def make_actions(
     ros_now: Callable[[], Any] = rospy.get_rostime, worker: Optional[Worker] = None,
     wake: Callable[[], None] = lambda: None,
 ) -> List[Action]:
-    """Make the four action servers over a navigator, not yet advertised.
+    """Make the four action servers of a navigator; they are not started yet.
 
     Args:
         navigator: Carries out the goals.
         make_server: Makes an action server; constructor as ActionServer's.
-        ros_now: Gives ROS time, as a message has it.
-        worker: Runs what takes its time; inline where None.
-        wake: Has the navigator stepped; called from any thread.
+        ros_now: Returns ROS time as rospy.Time.
+        worker: Runs conversions of goals; None to run them inline.
+        wake: Wakes the stepping thread; called from any thread.
     """
     shared: Dict[str, Any] = {
         "robot_frame": navigator.parameters.robot_frame, "worker": worker or InlineWorker(), "wake": wake,

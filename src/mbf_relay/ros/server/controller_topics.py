@@ -1,4 +1,4 @@
-"""A controller's topics and its parameters at run time: global_plan, local_plan, the clouds, dynamic reconfigure."""
+"""A controller's topics (global_plan, local_plan, clouds, explanation) and its dynamic_reconfigure server."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ from mbf_relay.ros.common.conversions import path_to_message
 
 
 class ControllerTopics:
-    """Publishes each cycle of one controller under ~NAME/, each message only while somebody listens.
+    """Publishes each cycle of a controller on ~NAME/..., each topic only while it has subscribers.
 
-    Topics: `global_plan` (the path ahead, within the local costmap), `local_plan` (where the command leads; empty while
-    the robot turns), `cost_cloud` and `trajectory_cloud` (with publish_cost_grid_pc and publish_traj_pc), all as
-    dwa_local_planner's, and `explanation`.
+    Topics: `global_plan` (the path ahead, within the local costmap), `local_plan` (the trajectory of the command; empty
+    while the robot turns in place), `cost_cloud` and `trajectory_cloud` (with publish_cost_grid_pc, publish_traj_pc),
+    all as dwa_local_planner's, and `explanation` (text).
     """
 
     def __init__(self, controller: Controller) -> None:
@@ -52,7 +52,7 @@ class ControllerTopics:
 
 
 def serve_controllers(controllers: Registry[Controller]) -> List[Any]:
-    """Advertise the topics and reconfigure servers of all controllers; return them for the caller to keep."""
+    """Advertise the topics and reconfigure servers of all controllers; the caller must keep a reference to them."""
     return [part for name in controllers.names for part in serve_controller(controllers, name)]
 
 

@@ -12,11 +12,11 @@ from mbf_relay.timing import Stopwatch
 
 
 class CostmapRest:
-    """Lets costmaps rest some time after the last goal or request, and wakes them at the next one.
+    """Stops the costmaps' updates shutdown_costmaps_delay after the last goal or request, and resumes them at the next.
 
     Args:
         nodes: The costmaps' nodes.
-        clear: Whether what was observed is forgotten at rest, as clear_on_shutdown asks.
+        clear: Whether to clear obstacles when they stop (clear_on_shutdown).
     """
 
     def __init__(self, nodes: Mapping[str, CostmapNode], clear: bool) -> None:
@@ -26,7 +26,13 @@ class CostmapRest:
         self._idle_since = Stopwatch()
 
     def attend(self, now: float, idle: bool, parameters: NavigatorParameters) -> float:
-        """Rest or wake the costmaps as needed; return the time (s) to call again."""
+        """Stop or resume the costmaps as needed; return the time (s) at which to call again.
+
+        Args:
+            now: ROS time (s).
+            idle: Whether no goal runs.
+            parameters: The server's.
+        """
         if not idle or not parameters.shutdown_costmaps:
             self.wake()
             return math.inf
@@ -46,7 +52,7 @@ class CostmapRest:
             return math.inf
 
     def wake(self) -> bool:
-        """Let the costmaps work; return whether they rested."""
+        """Resume the costmaps; return whether they had been stopped."""
         with self._lock:
             self._idle_since.reset()
             if not self._resting:

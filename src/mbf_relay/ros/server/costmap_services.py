@@ -22,13 +22,13 @@ from mbf_relay.ros.common.transforms import Transforms
 from mbf_relay.ros.costmap.node import CostmapNode
 
 TF_TIMEOUT = 0.5
-"""Time (s) a request waits for a transform, as upstream."""
+"""Time (s) a request waits for a transform, as in mbf_costmap_nav."""
 
 UPDATE_TIMEOUT = 2.0
-"""Wall seconds `update_costmaps` waits for the updates it asked for."""
+"""Wall seconds a request waits for costmaps to be updated."""
 
 SIDES = {1: "local", 2: "global"}
-"""LOCAL_COSTMAP and GLOBAL_COSTMAP of the requests, the same in all versions of mbf_msgs."""
+"""Costmap by the requests' constants LOCAL_COSTMAP and GLOBAL_COSTMAP, which all versions of mbf_msgs share."""
 
 
 class CostmapServices:
@@ -38,10 +38,10 @@ class CostmapServices:
     `~clear_costmaps`.
 
     Args:
-        nodes: "global" and "local"; each wakes for the request where it rests.
+        nodes: "global" and "local".
         transforms: Where frames are looked up.
-        robot_frame: The robot's base.
-        wake: Called before a request looks at a costmap; tells whether they rested.
+        robot_frame: Frame of the robot's base.
+        wake: Resumes stopped costmaps before a request uses one; returns whether they had been stopped.
     """
 
     def __init__(
@@ -112,7 +112,7 @@ class CostmapServices:
         return response
 
     def rouse(self, side: str) -> None:
-        """Wake a resting costmap and have it updated; raise ValueError where that takes too long."""
+        """Resume a stopped costmap and wait for its update; raise ValueError after UPDATE_TIMEOUT."""
         if self._wake():
             self._await_updates(side)
 
@@ -122,7 +122,7 @@ class CostmapServices:
         return EmptyResponse()
 
     def _await_updates(self, *sides: str) -> None:
-        """Have costmaps updated and wait for it; raise ValueError where one is not in time."""
+        """Request updates of costmaps and wait for them; raise ValueError after UPDATE_TIMEOUT."""
         asked = {side: self._nodes[side].costmap.updates for side in sides}
         for side in sides:
             self._nodes[side].resume()
@@ -141,7 +141,7 @@ class CostmapServices:
         return EmptyResponse()
 
     def _costmap(self, number: int) -> Costmap:
-        """Return the costmap asked for; raise ValueError where it is unknown, or not fit to be used."""
+        """Return the requested costmap, up to date; raise ValueError where there is no such one, or it is stale."""
         if number not in SIDES:
             raise ValueError(f"costmap is {number}; it must be LOCAL_COSTMAP (1) or GLOBAL_COSTMAP (2)")
         side = SIDES[number]
@@ -179,6 +179,6 @@ def _multipliers(request: Any) -> inspection.Multipliers:
 
 
 def _cost(cost: float) -> int:
-    """Return a cost as the uint32 of the responses."""
+    """Return a cost clamped to uint32, the type in the responses."""
     return int(min(max(cost, 0.0), 2 ** 32 - 1))
 

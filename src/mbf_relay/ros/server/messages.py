@@ -1,4 +1,4 @@
-"""mbf_msgs' goals to the package's own, and its feedback and results to mbf_msgs'; the only place that knows both."""
+"""Conversions of mbf_msgs' goals to the package's own, and of its feedback and results to mbf_msgs'."""
 
 from __future__ import annotations
 
@@ -46,24 +46,25 @@ from mbf_relay.ros.common.conversions import (
 from mbf_relay.ros.common.outcome_codes import code_of
 
 FLOAT32_MAX = float(np.finfo(np.float32).max)
+"""Largest finite float32."""
 
 RESULT_TYPES = {PlanOutcome: GetPathResult, ControlOutcome: ExePathResult, RecoveryOutcome: RecoveryResult}
-"""Whose constants number which outcomes; move_base passes on those of its parts."""
+"""Message whose constants number an enumeration's outcomes; move_base's result may have any of them."""
 
 
 def framed_pose(message: PoseStamped) -> FramedPose:
-    """Return a stamped pose in the plane; raise InvalidMessage where it means nothing."""
+    """Return a stamped pose in the plane; raise InvalidMessage where it is not finite or its quaternion is zero."""
     return FramedPose(pose_from_message(message.pose), message.header.frame_id.lstrip("/"))
 
 
 def check_tolerance(tolerance: float) -> None:
-    """Raise PlanningError where the distance (m) by which a plan may miss its goal means nothing."""
+    """Raise PlanningError where a goal tolerance (m) is negative or not finite."""
     if not (math.isfinite(tolerance) and tolerance >= 0.0):
         raise PlanningError(PlanOutcome.INVALID_GOAL, f"tolerance is {tolerance} m; it must be 0 or above")
 
 
 def plan_goal(goal: GetPathGoal) -> PlanGoal:
-    """Return a get_path goal; raise PlanningError where it means nothing."""
+    """Return a get_path goal; raise PlanningError where a pose or the tolerance is invalid."""
     check_tolerance(goal.tolerance)
     start = None
     if goal.use_start_pose:
@@ -73,7 +74,7 @@ def plan_goal(goal: GetPathGoal) -> PlanGoal:
 
 
 def navigate_goal(goal: MoveBaseGoal) -> NavigateGoal:
-    """Return a move_base goal; raise PlanningError where it means nothing."""
+    """Return a move_base goal; raise PlanningError where its pose is invalid."""
     target = _checked_pose(goal.target_pose, PlanOutcome.INVALID_GOAL, "target pose")
     return NavigateGoal(target, goal.planner, goal.controller, tuple(goal.recovery_behaviors))
 
@@ -86,7 +87,7 @@ def _checked_pose(message: PoseStamped, outcome: PlanOutcome, what: str) -> Fram
 
 
 def follow_goal(goal: ExePathGoal) -> FollowGoal:
-    """Return an exe_path goal; raise ControlError where it means nothing."""
+    """Return an exe_path goal; raise ControlError where path or tolerance is invalid."""
     message = goal.path
     if not message.poses:
         raise ControlError(ControlOutcome.INVALID_PATH, "Controller started with an empty plan!")
@@ -105,7 +106,11 @@ def follow_goal(goal: ExePathGoal) -> FollowGoal:
 
 
 def _frame_of_path(message: Any) -> str:
-    """Return the frame of a path's poses, as Move Base Flex; the path's own where they name none."""
+    """Return the frame of a path's poses, as Move Base Flex does; that of the path's header where they name none.
+
+    Raises:
+        ControlError: The poses are in different frames.
+    """
     frames = sorted({stamped.header.frame_id.lstrip("/") for stamped in message.poses} - {""})
     if len(frames) > 1:
         raise ControlError(
@@ -121,12 +126,12 @@ def recover_goal(goal: RecoveryGoal) -> RecoverGoal:
 
 
 def outcome_code(outcome: Enum, own_type: Any) -> int:
-    """Return an outcome's number: by the message whose outcome it is, or by `own_type`."""
+    """Return an outcome's number by the message in RESULT_TYPES, or by `own_type` for other enumerations."""
     return code_of(outcome, RESULT_TYPES.get(type(outcome), own_type))
 
 
 def plan_result(result: PlanResult, stamp: Any) -> GetPathResult:
-    """Return what get_path answers."""
+    """Return the result of get_path as a message."""
     message = GetPathResult(outcome=code_of(result.outcome, GetPathResult), message=result.message, cost=result.cost)
     message.path.header.stamp = stamp
     if result.path is not None:
@@ -135,12 +140,12 @@ def plan_result(result: PlanResult, stamp: Any) -> GetPathResult:
 
 
 def follow_result(result: FollowResult, stamp: Any) -> ExePathResult:
-    """Return what exe_path answers."""
+    """Return the result of exe_path as a message."""
     return _result_of_a_drive(result, stamp, ExePathResult)
 
 
 def recover_result(result: RecoverResult, _stamp: Any) -> RecoveryResult:
-    """Return what recovery answers."""
+    """Return the result of recovery as a message."""
     message = RecoveryResult(outcome=code_of(result.outcome, RecoveryResult), message=result.message)
     if hasattr(message, "used_plugin"):
         message.used_plugin = result.used_plugin
@@ -148,12 +153,12 @@ def recover_result(result: RecoverResult, _stamp: Any) -> RecoveryResult:
 
 
 def navigate_result(result: NavigateResult, stamp: Any) -> MoveBaseResult:
-    """Return what move_base answers."""
+    """Return the result of move_base as a message."""
     return _result_of_a_drive(result, stamp, MoveBaseResult)
 
 
 def _result_of_a_drive(result: Union[FollowResult, NavigateResult], stamp: Any, result_type: Any) -> Any:
-    """Return how a drive ended as the result of exe_path, or of move_base, which has the same fields."""
+    """Return the result of exe_path, or of move_base, which has the same fields."""
     return result_type(
         outcome=outcome_code(result.outcome, result_type),
         message=result.message,
@@ -189,5 +194,5 @@ def _pose(pose: Optional[FramedPose], stamp: Any) -> PoseStamped:
 
 
 def _float32(value: float) -> float:
-    """Return a number as the largest that fits where it is too large for a float32; infinity fits."""
+    """Return a number clamped to the range of float32; infinity stays."""
     return value if math.isinf(value) else min(value, FLOAT32_MAX)

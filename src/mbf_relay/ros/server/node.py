@@ -43,15 +43,15 @@ FLUSH_TIME = 0.1
 
 
 class MoveBaseFlex:
-    """The server's parts, wired.
+    """The server: navigator, actions, services and topics.
 
     Args:
         config: The node's parameters.
         costmaps: "global" and "local", live.
         transforms: Where frames are looked up.
-        costmap_nodes: What feeds the costmaps; empty where somebody else does.
-        is_move_base: Whether the node is move_base, whose own parameters and `~current_goal` somebody else offers.
-        planner: Gives the planner of `~make_plan`; empty for the first.
+        costmap_nodes: Nodes that update the costmaps; empty where the caller updates them.
+        is_move_base: Whether the node is move_base; its relay then offers move_base's parameters and `~current_goal`.
+        planner: Returns the name of the planner for `~make_plan`; empty for the first.
     """
 
     def __init__(
@@ -59,7 +59,7 @@ class MoveBaseFlex:
         costmap_nodes: Mapping[str, CostmapNode], is_move_base: bool = False, planner: Callable[[], str] = lambda: "",
     ) -> None:
         self._is_move_base, self._planner = is_move_base, planner
-        # move_base's own names are another half's; of groups see _warn_of_stray_groups.
+        # in a node move_base, other names are the relay's; groups are checked by _warn_of_stray_groups
         told_of = config if is_move_base else (*READ_BY_THE_NODE, *ros_parameters.groups_in(config))
         ros_parameters.warn_of_own_file_beside((*NavigatorParameters.names(), *READ_BY_THE_NODE, *SIDES))
         parameters = ros_parameters.fill(NavigatorParameters, config, "~", told_of)
@@ -96,7 +96,7 @@ class MoveBaseFlex:
         self._closing = threading.Lock()
 
     def start(self) -> None:
-        """Offer everything and begin stepping."""
+        """Advertise all services, topics and actions and start the stepping thread."""
         rospy.on_shutdown(self.close)
         if not self._is_move_base:
             self._reconfigure_server = _serve_reconfigure(self.navigator, self.reconfigure)
@@ -119,11 +119,11 @@ class MoveBaseFlex:
             self._diagnostics.add(f"{side} costmap", node.report)
 
     def add_plugin(self, kind: str, name: str, type_name: str) -> None:
-        """Load a planner or a controller at run time, where there is none of that name yet.
+        """Load a planner or a controller at run time; do nothing where there is one of that name.
 
         Args:
             kind: "planners" or "controllers".
-            name: The name under which its parameters stand.
+            name: Its name and its group of parameters.
             type_name: Its type.
 
         Raises:
@@ -141,14 +141,14 @@ class MoveBaseFlex:
             self._controllers += serve_controller(registry, name)
 
     def reconfigure(self, parameters: NavigatorParameters) -> None:
-        """Take new parameters at run time."""
+        """Use new parameters from the next step on."""
         self.navigator.reconfigure(parameters)
         self._stepper.wake()
 
     def close(self) -> None:
-        """Leave the robot standing and every goal ended; nothing is sent to the wheels afterwards."""
+        """Stop the robot and end all goals; no velocity is sent afterwards."""
         with self._closing:
-            self.robot.close()  # before all that may take its time
+            self.robot.close()  # first, since the rest may take time
             self._watchdog.stop()
             self._stepper.stop()
             for action in self._actions:
@@ -176,7 +176,7 @@ class MoveBaseFlex:
             self._steps.tick(now)
             rest = self._rest.attend(now, self.navigator.idle, self.navigator.parameters)
             return now if any(more) else min(self.navigator.due, rest)
-        except Exception as error:  # a mistake here must neither let the robot roll on nor end the server
+        except Exception as error:  # an internal error must stop the robot, and not end the server
             rospy.logfatal(
                 "navigation failed and stopped the robot: %s: %s", type(error).__name__, error, exc_info=True
             )
@@ -185,7 +185,7 @@ class MoveBaseFlex:
             return math.inf
 
     def _end_without_clock(self) -> None:
-        """End all goals where the simulated clock was lost: on it no patience ever ends and no pose ever gets old."""
+        """End all goals where the simulated clock was lost, since no timeout in ROS time would ever end."""
         loss = "" if self.navigator.idle else self._stepper.clock_loss
         if loss:
             rospy.logerr("stopped the robot and ended its goals: %s", loss)

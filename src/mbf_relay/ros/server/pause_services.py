@@ -12,14 +12,14 @@ from mbf_relay.navigation.robot import Robot
 
 
 class PauseServices:
-    """Offers them. While paused, goals stay active, no patience runs, and nothing is sent to the wheels."""
+    """Offers both services. While paused, goals stay active, timeouts do not run, and the robot gets no velocities."""
 
     def __init__(self, robot: Robot, wake: Callable[[], None]) -> None:
         """Advertise.
 
         Args:
-            robot: Whose drives and recoveries.
-            wake: Has navigation look at once.
+            robot: The robot whose drives and recoveries pause.
+            wake: Wakes the stepping thread.
         """
         self._robot, self._wake = robot, wake
         self._told = rospy.Publisher("~paused", Bool, queue_size=1, latch=True)

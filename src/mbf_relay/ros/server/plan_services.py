@@ -1,5 +1,4 @@
-"""Plans as a service, without driving: `~make_plan` and each planner's own, such as `~NavfnROS/make_plan`.
-"""
+"""Services that plan without driving: `~make_plan`, and one per planner, such as `~NavfnROS/make_plan`."""
 
 from __future__ import annotations
 
@@ -17,23 +16,22 @@ from mbf_relay.ros.common.get_plan import turned
 from mbf_relay.ros.server.messages import check_tolerance, framed_pose
 
 INSTANCE = "make_plan"
-"""The instances of the planners that serve here, so that neither goals nor their replanning wait for it."""
+"""Key of the planner instances used here, so that goals and replans need not wait for a service's plan."""
 
 LOOK_PERIOD = 0.001
-"""Wall time (s) between looks at a plan in the making."""
+"""Wall time (s) between two checks whether a plan is done."""
 
 
 class PlanServices:
-    """move_base's and its planners' services of one plan without a goal.
+    """Services of move_base and its planners that make one plan.
 
-    A goal in an obstacle, in a closed room or in an unknown frame is answered by an empty plan as soon as that is
-    known; exploration asks for hundreds. No recovery is tried, and nothing waits for patience.
+    There are no retries and no recoveries: a blocked or unreachable goal, or an unknown frame, is answered by an empty
+    plan at once, as exploration nodes may ask for hundreds of plans.
 
     Args:
         navigator: Gives planners, costmaps and the robot.
-        default: Gives the planner of `~make_plan`; empty for the first.
-        rouse: Has the costmap of a side, "global" or "local", updated where it rests; raises ValueError where it
-            cannot.
+        default: Returns the name of the planner for `~make_plan`; empty for the first.
+        rouse: Updates a stopped costmap, "global" or "local"; raises ValueError where that fails.
     """
 
     def __init__(
@@ -48,7 +46,7 @@ class PlanServices:
 
     def add(self, name: str) -> None:
         """Offer a planner's own service."""
-        self._navigator.planners.instance(name, INSTANCE)  # not on the first request, whose thread must not make one
+        self._navigator.planners.instance(name, INSTANCE)  # made here, since a service's thread must not make plugins
         self._services.append(rospy.Service(f"~{name}/make_plan", GetPlan, lambda request: self._answer(request, name)))
 
     def _answer(self, request: GetPlanRequest, planner: str) -> GetPlanResponse:
@@ -80,11 +78,11 @@ class PlanServices:
 
 
 def _goal(request: GetPlanRequest, planner: str) -> PlanGoal:
-    """Return the goal of a request, whose empty start frame means where the robot is.
+    """Return the goal of a request; an empty start frame means the robot's pose.
 
     Raises:
-        InvalidMessage: A pose means nothing.
-        PlanningError: The tolerance means nothing.
+        InvalidMessage: A pose is invalid.
+        PlanningError: The tolerance is negative or not finite.
     """
     check_tolerance(request.tolerance)
     start = framed_pose(turned(request.start)) if request.start.header.frame_id else None

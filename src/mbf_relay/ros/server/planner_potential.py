@@ -1,4 +1,4 @@
-"""The planners' potentials on topics, and their parameters at run time."""
+"""Topics with the planners' potentials, and their dynamic_reconfigure servers."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ from mbf_relay.ros.common.clouds import cloud_message
 from mbf_relay.ros.common.conversions import map_to_message
 
 CLOUD_SCALE = 20.0
-"""Height (m) of the start's point in navfn's cloud, by which the others are scaled."""
+"""Height z (m) of the start in navfn's cloud; the other points are scaled in proportion to their potential."""
 
 
 class PotentialPublisher(PotentialWatcher):
-    """Publishes a planner's potential on `~NAME/potential` while the user wants it and somebody listens."""
+    """Publishes a planner's potential on `~NAME/potential` if its parameter says so and there are subscribers."""
 
     message: ClassVar[Type[Any]]
 
@@ -69,11 +69,11 @@ class PotentialGrid(PotentialPublisher):
 
 
 PUBLISHERS: Dict[str, Type[PotentialPublisher]] = {"cloud": PotentialCloud, "grid": PotentialGrid}
-"""By the form a planner's `potential_display` names."""
+"""Publisher by the form that a planner's `potential_display` names."""
 
 
 def serve_planners(planners: Registry[Planner]) -> List[Any]:
-    """Advertise the potentials and reconfigure servers of the planners; return them for the caller to keep."""
+    """Advertise the potentials and reconfigure servers of the planners; the caller must keep a reference to them."""
     return [each for name in planners.names for each in serve_planner(planners, name)]
 
 

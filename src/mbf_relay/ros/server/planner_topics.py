@@ -1,4 +1,4 @@
-"""The planners' topics: every path found, as navfn and global_planner publish theirs."""
+"""Topics with the planners' paths, as of navfn and global_planner."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from mbf_relay.ros.common.conversions import path_to_message
 
 
 class PlannerTopics:
-    """Publishes each planner's paths on ~NAME/plan while somebody listens.
+    """Publishes each planner's paths on ~NAME/plan while there are subscribers.
 
     Args:
         names: The planners' names.
@@ -24,7 +24,7 @@ class PlannerTopics:
             self.add(name)
 
     def add(self, name: str) -> None:
-        """Advertise another planner's."""
+        """Advertise the topic of another planner."""
         self._publishers[name] = rospy.Publisher(f"~{name}/plan", PathMessage, queue_size=1)
 
     def publish(self, name: str, path: Path) -> None:

@@ -20,19 +20,19 @@ from mbf_relay.ros.common.odometry import OdometryInput, planar_pose
 from mbf_relay.ros.common.transforms import Transforms
 
 COMMANDS_PAUSE = 1.0
-"""Seconds without a velocity after which a drive is over, and the next one's rate is measured anew."""
+"""Time (s) without a command after which a drive is over; the rate of commands is then measured anew."""
 GUARD = "velocity_guard"
-"""Node whose ~state tells what becomes of velocities on their way to the wheels."""
+"""Node that may reduce or block velocities between this server and the robot, and publishes that on its ~state."""
 OBJECTS, PASSES = ("stopped", "slowed down"), "passing"
-"""How its states begin where it does not let them pass, and where it does; others are of a robot that is to stand."""
+"""First words of its states while it reduces or blocks velocities, and while it passes them on."""
 AGE = "pose_timeout, or the costmaps' transform_tolerance"
-"""Whence the greatest age of a transform."""
+"""Names, for errors, of the parameters that limit the age of transforms."""
 
 
 class _Wheels(rospy.SubscribeListener):
-    """Tells whoever connects to `cmd_vel` to stand, unless the wheels were told otherwise last.
+    """Sends a zero velocity to each new subscriber of `cmd_vel`, unless the robot is being driven.
 
-    What a server that died sent last may still stand at the wheels; the one that takes its place knows of no goal.
+    A base may still execute the last velocity of a server that died and was started again.
     """
 
     def __init__(self, robot: RosRobot) -> None:
@@ -50,12 +50,12 @@ class RosRobot(Robot):
     Args:
         transforms: Where frames are looked up.
         base_frame: The robot's frame.
-        pose_timeout: Gives the age (s) beyond which a transform is refused.
-        odom_timeout: Age (s) beyond which odometry is refused.
+        pose_timeout: Returns the largest age (s) of a transform.
+        odom_timeout: Largest age (s) of odometry.
 
     Attributes:
-        commands: The velocities sent, as events.
-        told: What the wheels were told last; other than `commanded` while they are held, and after the end.
+        commands: Measures the rate of commands.
+        told: The last velocity published. It differs from `commanded` while the robot is held, and after `close`.
     """
 
     def __init__(
@@ -65,23 +65,23 @@ class RosRobot(Robot):
         self._transforms, self._base_frame = transforms, base_frame
         self._pose_timeout, self._odom_timeout = pose_timeout, odom_timeout
         self._odometry: Optional[OdometryInput] = None
-        self._poses: Dict[str, Tuple[float, Pose2D]] = {}  # those looked up last, with their times (s), by frame
-        self._velocity_at: Optional[float] = None  # time (s) of odometry, where that told the velocity last
+        self._poses: Dict[str, Tuple[float, Pose2D]] = {}  # last pose by frame, with its time (s)
+        self._velocity_at: Optional[float] = None  # stamp (s) of the last odometry used, None without any
         self._tf_monitors: Dict[str, TransformMonitor] = defaultdict(TransformMonitor)
         self._monitor = OdometryMonitor()
         self.commands = RateMeter(pause=COMMANDS_PAUSE)
         self.told = STOP
         self._publisher = rospy.Publisher("cmd_vel", Twist, _Wheels(self), queue_size=1, tcp_nodelay=True)
-        self._closing = threading.Lock()  # held while a velocity goes out, so that none follows the last zero
+        self._closing = threading.Lock()  # held while a velocity is sent, so that none follows the last zero
         self._closed = self._blocked = self._held = False
         self._objection = ""
         rospy.Subscriber(f"{GUARD}/state", String, self._hear_guard, queue_size=1)
 
     def listen(self, odom_topic: str) -> None:
-        """Take the robot's velocity from a topic from now on.
+        """Subscribe to a topic of odometry.
 
-        Where the name is empty, or nobody ever published there, the last command stands in for the velocity: move_base
-        drives robots whose files name no odometry, too.
+        Without a name, or where nobody has ever published there, the last command is taken for the robot's velocity:
+        move_base, too, drives robots without odometry.
         """
         if odom_topic:
             self._odometry = OdometryInput(odom_topic)
@@ -126,19 +126,19 @@ class RosRobot(Robot):
     def pose_ahead(self, frame: str) -> float:
         """Return by how much (s) tf is ahead of odometry, below 0 where it lags behind: 0.0 without odometry."""
         told_at, (at, _) = self._velocity_at, self._poses.get(frame, (0.0, IDENTITY))
-        if told_at is None or at == 0.0:  # which is the time of what never moves
+        if told_at is None or at == 0.0:  # a static transform has stamp 0
             return 0.0
-        now: float = rospy.get_time()  # what is post-dated tells of now
+        now: float = rospy.get_time()  # a stamp ahead of now, as of amcl's transform, counts as now
         return min(now, at) - min(now, told_at)
 
     @property
     def unheard(self) -> str:
-        """Return that nobody subscribes to velocities, such as a driver that has ended; empty where somebody does."""
+        """Return a text if `cmd_vel` has no subscriber, as after the driver has ended; empty otherwise."""
         return "" if self._publisher.get_num_connections() else f"nobody listens to {self._publisher.resolved_name}"
 
     @property
     def held_back(self) -> str:
-        """Return why the velocity_guard stopped or slowed the last velocity, empty where it did not."""
+        """Return why velocity_guard blocked or reduced the last velocity, empty where it did not."""
         return self._objection
 
     def _hear_guard(self, state: String) -> None:
@@ -159,7 +159,7 @@ class RosRobot(Robot):
                 self._publish(STOP if self._held else velocity)
 
     def hold(self, is_held: bool) -> None:
-        """Hold the wheels at zero, or send them the current velocity again; from any thread."""
+        """Hold the robot at zero, or send it the present command again; from any thread."""
         with self._closing:
             if is_held == self._held or self._closed:
                 return
@@ -168,19 +168,19 @@ class RosRobot(Robot):
                 self._publish(STOP if is_held else self.commanded)
 
     def block(self) -> None:
-        """Send a zero velocity, after which nothing goes out until `release`; from any thread."""
+        """Send a zero velocity and drop all commands until `release`; from any thread."""
         with self._closing:
             if not self._closed:
                 self._blocked, self.commanded = True, STOP
                 self._publish(STOP)
 
     def release(self) -> None:
-        """Let velocities go out again."""
+        """Send commands again after `block`."""
         with self._closing:
             self._blocked = False
 
     def close(self) -> None:
-        """Send a zero velocity, after which nothing more goes out."""
+        """Send a zero velocity, and nothing afterwards."""
         with self._closing:
             if not self._closed:
                 self._closed = True

@@ -14,13 +14,13 @@ from mbf_relay.ros.common.conversions import pose_stamped
 
 
 class NavigationTopics:
-    """Publishes `~planner_goal` and `~controller_goal`, and both also as `~current_goal`, which mbf_msgs 0.4.0 has.
+    """Publishes `~planner_goal` and `~controller_goal`, and both also on `~current_goal`, as Move Base Flex 0.4.0 does.
 
-    `~recovery_status` tells of each recovery that move_base begins, as the node move_base does, and so does the log.
+    `~recovery_status` has each recovery that move_base begins, as of the node move_base; it is logged too.
 
     Args:
-        navigator: Whose work it tells of.
-        current_goal: Publish `~current_goal`; False where that is move_base's, which means another thing by it.
+        navigator: Its goals and recoveries are published.
+        current_goal: Whether to publish `~current_goal`; False in a node move_base, whose topic of that name differs.
     """
 
     def __init__(self, navigator: Navigator, current_goal: bool = True) -> None:

@@ -1,4 +1,4 @@
-"""Stops the robot, and reports the server as not alive, where navigation hangs."""
+"""Watchdog that stops the robot, and reports the server as not alive, where a step of navigation hangs."""
 
 from __future__ import annotations
 
@@ -11,25 +11,28 @@ from mbf_relay.ros.common.stepper import STEP_PATIENCE, Stepper
 from mbf_relay.ros.server.robot import RosRobot
 
 PERIOD = 0.1
-"""Wall seconds between two looks at the stepper."""
+"""Wall seconds between two checks of the stepping thread."""
 LOOKS = 9
-"""Looks in a row at a step that goes on, after which it hangs; a process that was not run itself has not looked."""
+"""Number of checks in a row that must see the same running step before goals are ended. After a suspension of the whole
+process there was none, and goals go on."""
 
 
 class Watchdog:
-    """Stops the robot and ends the goals in pursuit where one step takes longer than a second of the wall clock.
+    """Stops the robot and ends running goals where one step takes longer than STEP_PATIENCE of the wall clock.
 
-    A thread of its own, which waits for no lock that navigation or a costmap holds. What the step still commands is
-    dropped until the next step begins, and that one starts from nothing (`settle`). A step that took so long because
-    nothing ran, the watchdog neither, as where the computer was busy or asleep, only stops the robot until the next
-    one. While the simulated clock stands, no step comes that could send another velocity: the wheels stand, and the
-    drive goes on with the clock.
+    It has a thread of its own, which waits for no lock that navigation or a costmap holds. Commands of the hanging step
+    are dropped until the next step begins, which drops all goals (`settle`). If the watchdog did not run either, as on
+    a computer that was busy or suspended, the robot is only stopped until the next step. While the simulated clock stands
+    still, the robot is held at zero, and the drive goes on with the clock.
 
     Args:
         stepper: The stepping thread.
-        robot: What is stopped.
-        end_goals: Ends, with a text, the goals in pursuit; called from the watchdog's thread.
-        hung: Tells what else hangs that navigation may wait for, and where, one text for each.
+        robot: The robot to stop.
+        end_goals: Aborts running goals with a text; called from the watchdog's thread.
+        hung: Returns a text for each costmap that hangs.
+
+    Attributes:
+        trouble: Why the present step counts as hanging, empty where it does not.
     """
 
     def __init__(
@@ -37,25 +40,25 @@ class Watchdog:
     ) -> None:
         self._stepper, self._robot, self._end_goals, self._hung = stepper, robot, end_goals, hung
         self._stop = threading.Event()
-        # held while it stops the robot and while a step begins, or a robot let go would be stopped once more, for good;
-        # taken before the locks of robot and actions
+        # held while the robot is blocked and while a step begins, or a robot that was just released could be blocked
+        # again for good; taken before the locks of robot and actions
         self._lock = threading.Lock()
         self.trouble = ""
 
     def start(self) -> None:
-        """Watch from now on."""
+        """Start the thread."""
         threading.Thread(target=self._loop, name="watchdog", daemon=True).start()
 
     def stop(self) -> None:
-        """Watch no longer."""
+        """End the thread."""
         self._stop.set()
 
     def is_alive(self) -> bool:
-        """Return whether navigation is being stepped; asked before the server reports itself alive."""
+        """Return whether no step hangs; the action servers publish their status only then."""
         return self._stepper.step_time <= STEP_PATIENCE
 
     def settle(self) -> str:
-        """Let the robot drive again, at the beginning of a step; returns what was wrong with the last one, or empty."""
+        """Release the robot at the beginning of a step; return why the last step hung, empty where it did not."""
         with self._lock:
             trouble, self.trouble = self.trouble, ""
             self._robot.release()
@@ -78,4 +81,4 @@ class Watchdog:
             self.trouble = f"{where}: a step has taken more than {STEP_PATIENCE:g} s; the robot was stopped"
             rospy.logerr("%s", self.trouble)
         self._end_goals(self.trouble)
-        self._stepper.wake()  # a next step, in which everything begins anew, shall follow at once
+        self._stepper.wake()  # so that the next step, which starts over, follows at once
