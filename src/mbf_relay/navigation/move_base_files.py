@@ -16,7 +16,7 @@ CLEAR_TYPE, ROTATE_TYPE = "clear_costmap_recovery/ClearCostmapRecovery", "rotate
 
 USUAL_RADIUS = 0.46
 """Circumscribed radius (m) that move_base assumes where the file gives none. Its aggressive reset clears the costmaps
-beyond four such radii from the robot."""
+outside of a square round the robot whose side is four such radii."""
 
 SERVER_NAMES: Mapping[str, str] = {
     "planner_frequency": "planner_frequency",
