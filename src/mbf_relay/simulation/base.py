@@ -27,6 +27,9 @@ RIM_CLEARANCE = 0.003
 """Height (m) of the wheels' part of the hull above the ground, as balls carry the robot and this part only collides."""
 AXLE = (-math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5))
 """Quaternion (x, y, z, w) that rotates a joint's axis from z to y."""
+LEAST_WHEEL = 0.015
+"""Least mass of a wheel as a share of the body's: under a body 1000 times as heavy the solver's iterations do not turn
+wheels as fast as their motors are told, and the robot takes seconds to its speed."""
 CASTER_GIVES = 0.002
 """Deflection (m) of a caster's contact spring under the robot's whole weight."""
 SERVO_GAINS, VELOCITY_GAINS = (0.1, 0.1), (1.0, 1.0)
@@ -79,7 +82,9 @@ class Base:
     def _create(self, frame: Frame) -> int:
         """Create a multibody: the hull, and a link with a ball for each wheel and each caster; return its number."""
         robot, places = self._robot, self._robot.wheel_places()
-        links = [(x, y, robot.axle_height, robot.wheels.radius, robot.wheels.mass) for x, y in places]
+        mass = sum(part.mass for part in robot.body)
+        wheel_mass = max(robot.wheels.mass, LEAST_WHEEL * mass)
+        links = [(x, y, robot.axle_height, robot.wheels.radius, wheel_mass) for x, y in places]
         links += [(c.x, c.y, c.radius - robot.base_height, c.radius, c.mass) for c in robot.casters]
         rolls = [bool(self._driven) and index < len(places) for index in range(len(links))]
         balls = [
@@ -87,7 +92,7 @@ class Base:
             for *_, radius, _mass in links
         ]
         body: int = pybullet.createMultiBody(
-            sum(part.mass for part in robot.body), self._hull(), -1, frame.position.tolist(), frame.quaternion(),
+            mass, self._hull(), -1, frame.position.tolist(), frame.quaternion(),
             baseInertialFramePosition=self._center_of_mass.tolist(),
             linkMasses=[link[4] for link in links], linkCollisionShapeIndices=balls,
             linkVisualShapeIndices=[-1] * len(links), linkPositions=[link[:3] for link in links],

@@ -135,6 +135,17 @@ def test_it_goes_straight_and_turns_about_its_axle(robot, elements):
         assert math.hypot(after.x - before.x, after.y - before.y) < 0.03
 
 
+@pytest.mark.parametrize("mass", ["1.0", "9.0", "180.0"])
+def test_a_heavy_robot_follows_its_commands_though_nothing_is_said_of_its_wheels_mass(robot, mass):
+    """One of 180 kg had not half the speed it was told after a second, and told to stop it swung to and fro."""
+    with simulate(robot(BODY.replace("9.0", mass), WHEELS, DIFF_DRIVE, lidar())) as simulation:
+        trial.run(simulation, 1.0, Twist2D(0.3, 0.0, 0.0))
+        assert simulation.true_velocity.x == pytest.approx(0.3, abs=0.01)
+        trial.run(simulation, 1.0, Twist2D(0.0, 0.0, 1.0))
+        assert simulation.true_velocity.x == pytest.approx(0.0, abs=0.02)
+        assert simulation.true_velocity.theta == pytest.approx(1.0, abs=0.05)
+
+
 def test_a_wheel_beside_the_body_does_not_pass_through_a_post(robot):
     """The body is 0.15 m wide to each side, and the wheels reach to 0.185 m: they drove through what stood there."""
     post = trial.box("post", 0.5, 0.175, (0.02, 0.02, 0.5))
