@@ -1,4 +1,4 @@
-"""The abstract layer: one source of knowledge about obstacles."""
+"""The abstract layer of a costmap, and base classes for layers with cells of their own."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ from mbf_relay.tracking.track import Track
 
 @dataclass(frozen=True)
 class LayerContext:
-    """What a layer may know in one update.
+    """Arguments of one update of a layer.
 
     Attributes:
         now: Time (s).
-        robot_pose: The robot's base in the costmap's frame.
-        footprint: What the robot takes up: its outline without padding, shape (K, 2) in metres in the base frame.
+        robot_pose: Pose of the robot's base in the costmap's frame.
+        footprint: The robot's outline without padding, shape (K, 2) in metres in the base frame.
     """
 
     now: float
@@ -35,7 +35,7 @@ class LayerContext:
 
 
 class MapSource(NamedTuple):
-    """Where a layer's map comes from: its topic, whether to keep the first, and to take changed parts of it."""
+    """A layer's map: its topic, whether maps after the first are ignored, and whether partial updates are taken."""
 
     topic: str
     first_only: bool = False
@@ -43,30 +43,32 @@ class MapSource(NamedTuple):
 
 
 class ZoneLimit(NamedTuple):
-    """How fast the robot may go where it stands: metres per second, and the share of its controller's top speeds."""
+    """Speed limits at the robot's place: in m/s, and as a share of the controller's top speeds."""
 
     speed: float = math.inf
     share: float = 1.0
 
     @staticmethod
     def lowest(limits: Iterable[ZoneLimit]) -> ZoneLimit:
-        """Return what several limits leave together."""
+        """Return the lowest of several limits, in each unit."""
         speeds, shares = zip(ZoneLimit(), *limits)
         return ZoneLimit(min(speeds), min(shares))
 
 
 class Layer(Plugin, abc.ABC):
-    """Writes what it knows into the costmap's grid.
+    """One source of knowledge about obstacles, which it writes into the costmap's grid.
 
-    The costmap calls it, under its lock, in this order per update: `shift` where a rolling window moved,
-    `update_bounds` of every layer, then `update_costs` of every layer over the union of the windows, whose cells were
-    reset before. Layers write over what earlier layers in the list wrote.
+    In each update the costmap calls, under its lock: `shift`, if a rolling window moved; `update_bounds` of every
+    enabled layer; then, after resetting the cells in the union of the windows, `update_costs` of every enabled layer
+    for that union. Later layers in the list write over what earlier ones wrote.
 
     Attributes:
-        notice: What users should know of this kind of layer, one line for the log; empty where there is nothing.
-        maps_floor: Whether its map is the floor's, whose size a costmap takes that is no rolling window.
-        grid: Where the costmap's cells lie at present.
-        enabled: A layer that is not is passed over.
+        notice: One line for the log on what users should know of this kind of layer; empty for none.
+        maps_floor: Whether its map is a floor plan, as a static layer's, which gives a costmap its size.
+        grid: The costmap's present grid.
+        rolling: The costmap's rolling_window.
+        tracks_unknown: The costmap's track_unknown_space.
+        enabled: False for a layer that updates leave out.
     """
 
     notice: ClassVar[str] = ""
@@ -81,7 +83,7 @@ class Layer(Plugin, abc.ABC):
 
     @property
     def enabled(self) -> bool:
-        """Whether the layer takes part; from its parameter of that name where it has one."""
+        """Whether updates include the layer: its parameter of that name, true where it has none."""
         return bool(getattr(self.parameters, "enabled", True))
 
     @property
@@ -91,7 +93,7 @@ class Layer(Plugin, abc.ABC):
 
     @property
     def sensor_patience(self) -> float:
-        """How long (s) what its sensors saw may wait for a transform, where that is longer than the costmap's own."""
+        """Time (s) that observations may wait for a transform, where longer than the costmap's own tolerance."""
         return 0.0
 
     @property
@@ -101,119 +103,134 @@ class Layer(Plugin, abc.ABC):
 
     @property
     def map_frame(self) -> str:
-        """Frame of a map that comes by no message; empty where there is none."""
+        """Frame of a map that does not come in a message, as from a file; empty for none."""
         return ""
 
     @property
     def zone_limit(self) -> ZoneLimit:
-        """How fast the robot may go where it stood at the last update."""
+        """Speed limits at the place where the robot was at the last update."""
         return ZoneLimit()
 
     @property
     def tracks(self) -> Optional[Tuple[Track, ...]]:
-        """What it knows that moves, in the costmap's frame; None where it does not look for that."""
+        """Moving obstacles in the costmap's frame; None for a layer that does not track any."""
         return None
 
     @property
     def sees_all_round(self) -> bool:
-        """Whether what it was shown last came from all directions: a robot that turns on the spot shows it no more."""
+        """Whether its latest observations cover all directions, so that turning on the spot would show nothing new."""
         return False
 
     def attach(self, rolling: bool, tracks_unknown: bool) -> None:
-        """Learn what the costmap is like; called once, before anything else."""
+        """Take the costmap's rolling_window and track_unknown_space; called once, before anything else."""
         self.rolling = rolling
         self.tracks_unknown = tracks_unknown
 
     def resize(self, grid: Grid) -> None:
-        """Take a new size, resolution or place; what was known of cells is lost."""
+        """Take a grid of another size, resolution or origin; the content of cells is lost."""
         self.grid = grid
 
     def shift(self, grid: Grid, columns: int, rows: int) -> None:
-        """Take a window that moved by whole cells; cells in both windows keep what was known of them."""
+        """Take the grid of a rolling window that moved; cells in both windows keep their content.
+
+        Args:
+            grid: The grid after the move.
+            columns, rows: Cells by which it moved, towards positive x and y.
+        """
         self.grid = grid
 
     def set_footprint(self, inscribed_radius: float) -> None:
         """Take a new inscribed radius (m)."""
 
     def cost_at(self, distance: float) -> Optional[int]:
-        """Return the cost it writes so far (m) from an obstacle; None of a layer that writes none round obstacles."""
+        """Return the cost it writes at a distance (m) from an obstacle; None for a layer that does not inflate."""
         return None
 
     def observe(self, source: str, observation: Observation, now: float) -> Optional[Observation]:
-        """Take what one of `sources` saw, at `now` (s); its age counts from its stamp.
+        """Take an observation of one of `sources`. Layers that track moving obstacles are given it before the others.
 
-        Layers that look for what moves are told first.
+        Args:
+            source: Its name.
+            observation: In the costmap's frame; its age counts from its stamp.
+            now: Present time (s).
 
         Returns:
-            What the other layers are to be told in its place; None where it is to stay as it is.
+            The observation to give the remaining layers instead; None to leave it as it is.
         """
         return None
 
     def share(self, other: Layer, frame: Pose2D) -> None:
-        """Learn of a layer of another costmap that is always shown the same before this one is.
-
-        What both would find in it need not be found twice.
+        """Learn of a layer of another costmap that gets every observation before this one does, to share its results.
 
         Args:
-            other: That layer, of whatever kind.
-            frame: Where its costmap's frame lies, and stays, in this one's.
+            other: That layer, of any kind.
+            frame: Pose of its costmap's frame in this costmap's frame, which does not change.
         """
 
     def refuse(self, source: str, reason: str, is_blind: bool) -> None:
-        """Take note why a message of one of `sources` is not used.
+        """Record why a message of one of `sources` was not used.
 
         Args:
             source: Its name.
-            reason: Told where it is stale.
-            is_blind: It shows that the sensor sees nothing: stale at once, until it is observed again.
+            reason: Text for `stale_reason`.
+            is_blind: Whether the message shows that the sensor sees nothing. Then the layer is stale at once, until its
+                next observation.
         """
 
     def set_map(self, occupancy: OccupancyMap) -> None:
         """Take the layer's map."""
 
     def update_map(self, x: int, y: int, data: np.ndarray) -> None:
-        """Take a changed part of the map: int8 of shape (rows, columns) with its lower left cell at (x, y)."""
+        """Take an update of a part of the map.
+
+        Args:
+            x, y: Column and row of its lower left cell in the map.
+            data: int8 of shape (rows, columns).
+        """
 
     def set_map_from_costmap(self, transform: Pose2D) -> None:
-        """Take the transform from the costmap's frame to the map's."""
+        """Take the transform that brings poses in the costmap's frame to the map's."""
 
     @abc.abstractmethod
     def update_bounds(self, context: LayerContext, window: Window) -> Window:
-        """Bring the layer up to date and return `window` widened by the cells whose costs this may change.
+        """Update the layer and return `window` widened by the cells whose costs may have changed.
 
-        What `window` holds is redone also where it is not in what is returned: other layers have something there.
+        Args:
+            context: Time, robot pose and footprint.
+            window: The union of what the layers before it returned. All of it is redone, whatever this layer returns.
         """
 
     @abc.abstractmethod
     def update_costs(self, costs: np.ndarray, window: Window) -> None:
-        """Write into the window of `costs`, shape (height, width), uint8; cells outside may be read only."""
+        """Write into a window of `costs`, shape (height, width), uint8; cells outside of it may only be read."""
 
     def clear(self, window: Window, inside: bool) -> None:
-        """Forget what was observed inside of a window, or outside of it; what a map says stays."""
+        """Clear observed obstacles inside of a window, or outside of it; what comes from a map stays."""
 
     def max_age(self, source: str) -> float:
-        """Return the age (s) from which what one of `sources` measured says nothing any more; 0 for never."""
+        """Return the age (s) above which observations of one of `sources` are useless; 0 for no limit."""
         return 0.0
 
     def stale_reason(self, now: float) -> Optional[str]:
-        """Return what the layer waits for, or None where it may be relied on; by default what it has never had."""
+        """Return why the layer is not up to date at time `now` (s), or None; by default its `missing_input`."""
         return self.missing_input()
 
     def missing_input(self) -> Optional[str]:
-        """Return what the layer has never had and shows nothing without, or None."""
+        """Return which necessary input, such as a map, has not come yet, or None."""
         return None
 
 
 def missing_inputs(layers: Iterable[Layer]) -> str:
-    """Return what those of the layers that are on have never had and show nothing without; empty for nothing."""
+    """Return the missing inputs of all enabled layers, separated by semicolons; empty for none."""
     return "; ".join(filter(None, (layer.missing_input() for layer in layers if layer.enabled)))
 
 
 class CellLayer(Layer):
-    """A layer that keeps costs of its own, one per cell, and notes where they changed.
+    """A layer with costs of its own, one per cell, that collects the windows in which they changed.
 
     Attributes:
-        costs: Shape (height, width), uint8; NO_INFORMATION where the layer says nothing.
+        costs: Shape (height, width), uint8; NO_INFORMATION where the layer writes nothing.
+        default_cost: Cost of cells without observations.
     """
 
     default_cost = 0
@@ -234,20 +251,20 @@ class CellLayer(Layer):
         self._pending = Window.of(grid)
 
     def touch(self, window: Window) -> None:
-        """Have the next update redo a window."""
+        """Add a window to what the next update redoes."""
         self._pending = self._pending.union(window.within(self.grid))
 
     def take_pending(self) -> Window:
-        """Return what `touch` collected since the last call."""
+        """Return the window collected by `touch`, `shift` and `resize` since the last call."""
         pending, self._pending = self._pending, EMPTY
         return pending
 
 
 class PlacedLayer(CellLayer):
-    """A layer of what lies in a frame of its own, as maps do, and is not forgotten with what was observed.
+    """A layer whose content, such as a map, lies in a frame of its own and is not cleared as observations are.
 
     Attributes:
-        own_from_costmap: Takes poses in the costmap's frame to that one.
+        own_from_costmap: Transform that brings poses in the costmap's frame to that frame.
     """
 
     def __init__(self, name: str, parameters: Any) -> None:
@@ -260,11 +277,17 @@ class PlacedLayer(CellLayer):
             self.touch(Window.of(self.grid))
 
     def clear(self, window: Window, inside: bool) -> None:
-        """Nothing of it was observed."""
+        """Do nothing: the content does not come from observations."""
 
 
 def shifted(costs: np.ndarray, columns: int, rows: int, fill: float) -> np.ndarray:
-    """Return an array over a window that moved by `columns` and `rows`; cells new in it are `fill`."""
+    """Return an array over a window after the window moved.
+
+    Args:
+        costs: Shape (height, width), of any type, before the move.
+        columns, rows: Cells by which the window moved, towards positive x and y.
+        fill: Value of cells that are new in the window.
+    """
     height, width = costs.shape
     result = np.full_like(costs, fill)
     x0, x1 = max(columns, 0), min(width + columns, width)
@@ -275,18 +298,18 @@ def shifted(costs: np.ndarray, columns: int, rows: int, fill: float) -> np.ndarr
 
 
 def changed_window(before: np.ndarray, costs: np.ndarray, window: Window) -> Window:
-    """Return the smallest window that holds the cells of `window` in which `costs` are not what they were `before`.
+    """Return the smallest window that holds the cells of `window` whose costs changed.
 
     Args:
-        before: The window's cells, in an array of their own.
-        costs: The whole grid.
-        window: Part of it that is not empty.
+        before: The window's costs before, shape (rows, columns) of the window.
+        costs: The whole grid's costs now, shape (height, width).
+        window: Not empty, and within the grid.
     """
     return Window(*layer_kernels.changed_part(before, costs, window.x0, window.y0))
 
 
 def tracks_of(layers: Iterable[Layer]) -> Optional[Tuple[Track, ...]]:
-    """Return what moves, as all layers that take part know it; None where none looks for that."""
+    """Return the moving obstacles of all enabled layers; None where no layer tracks any."""
     known = [layer.tracks for layer in layers if layer.enabled]
     looked_for = [tracks for tracks in known if tracks is not None]
     return tuple(track for tracks in looked_for for track in tracks) if looked_for else None

@@ -1,4 +1,7 @@
-"""What one beam alone hits: a thin leg, or a drop of rain or a ray of sunlight that the next scan knows nothing of."""
+"""Filter for lidar hits of a single beam: keeps thin objects such as chair legs, drops rain, dust and stray light.
+
+A hit counts if enough neighbouring beams, or scans shortly before, hit the same.
+"""
 
 from __future__ import annotations
 
@@ -10,28 +13,29 @@ import numpy as np
 from mbf_relay.costmap import layer_kernels
 
 APART = 0.1
-"""Metres: what lies nearer to each other may be one thing. The beams beside a lone hit see that much farther than it,
-and pass it no farther away.
+"""Metres: hits nearer to each other may be of one object. A lone hit is one whose neighbouring beams pass it within
+this distance and reach farther by at least as much.
 """
 REMEMBERED = 2
-"""Scans before this one that may have hit it, too: of two scans the second often passes a leg that the first met."""
+"""Earlier scans that may confirm a lone hit in clear air; one suffices. One scan alone often misses a thin leg."""
 DUSTY = 0.015
-"""Share of the beams that hit what none beside them hits and no scan before, from which on the air is full of it. One
-of them in sixty also lies beside another by chance, or where another was; a room full of thin legs has fewer.
+"""Share of unconfirmed lone hits among all beams above which the air counts as dusty. At that density one in sixty is
+confirmed by chance, by a neighbour or an earlier scan; a room full of thin legs has a lower share.
 """
 REMEMBERED_IN_DUST = 4
-"""Scans that may have hit the same there: two of them at least make an obstacle of a lone hit, in clear air one of two.
-"""
+"""Earlier scans that may confirm a lone hit in dust; two of them must."""
 LIKE_IN_DUST = 0.05
-"""Metres: as far as a lidar's noise and odometry part two hits of one leg; within APART there is other dust, and before
-every wall.
+"""Metres between two hits of one object in dust: the noise of a lidar and of odometry. Within APART there often is
+other dust, and right before a wall always some.
 """
 THIN_IN_DUST = 0.025
-"""Metres: what is as wide is hit by enough beams of one scan. Near the lidar they lie close, and dust lies by dust."""
+"""Metres: in dust, an object of this width must be hit by as many neighbouring beams as fit on it. Near the lidar these
+are many, while dust grains hit by neighbouring beams are few.
+"""
 
 
 class _Seen(NamedTuple):
-    """What became obstacles of a scan of so many beams, shape (M, 2) in metres, and how many hit what no other did."""
+    """An earlier scan: its marked hits, shape (M, 2) in metres, its number of beams, and of unconfirmed lone hits."""
 
     marks: np.ndarray
     beams: int
@@ -39,11 +43,10 @@ class _Seen(NamedTuple):
 
 
 class LoneHits:
-    """Leaves out of a lidar's scans what one beam alone hits where the scans before hit nothing.
+    """Removes hits from a lidar's scans that neither neighbouring beams nor earlier scans confirm.
 
-    Wider things are hit by several beams of one scan, and what is really there by another scan's: by two hits in clear
-    air; where dust, that is everywhere, hits twice by chance, by three, and near the lidar by as many as would hit what
-    is not thin.
+    Two hits of an object are needed in clear air. In dust, where two may coincide by chance, three are needed, and near
+    the lidar as many as there are beams on an object of THIN_IN_DUST.
     """
 
     def __init__(self) -> None:
@@ -54,12 +57,12 @@ class LoneHits:
         return sum(seen.alone for seen in self._before) > DUSTY * sum(seen.beams for seen in self._before)
 
     def without(self, x: float, y: float, ends: np.ndarray, marks: np.ndarray) -> np.ndarray:
-        """Take the next scan and return those of its marks that count, shape (K, 2) in metres.
+        """Take the next scan and return its confirmed hits, shape (K, 2) in metres.
 
         Args:
-            x, y: Where the lidar was (m), in the frame of all points here, which stands.
-            ends: Shape (N, 2) in metres: where its beams ended, whether on something or not, in their order.
-            marks: Shape (M, 2) in metres: those of them that become obstacles, in the same order.
+            x, y: Position (m) of the lidar, in the costmap's frame, as all points here.
+            ends: Shape (N, 2) in metres: the ends of all beams in their order, hits or not.
+            marks: Shape (M, 2) in metres: those of them that are to become obstacles, in the same order.
         """
         counted, number, alone = marks, len(marks), 0
         if self._before:

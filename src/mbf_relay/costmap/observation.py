@@ -1,4 +1,4 @@
-"""What a sensor saw at one moment, in the costmap's frame: the form in which scans and point clouds reach a costmap."""
+"""Observations: the form in which laser scans and point clouds are given to a costmap, in its frame."""
 
 from __future__ import annotations
 
@@ -14,27 +14,27 @@ from mbf_relay.geometry import Pose2D
 from mbf_relay.scan import LaserScan
 
 MISS_MARGIN = 1e-3
-"""Readings this near below range_max (m) are misses: drivers report "nothing there" as range_max less a little."""
+"""Metres below range_max within which readings are misses: some drivers report "no return" slightly below it."""
 
 
 @dataclass(frozen=True)
 class Observation:
-    """Rays from one origin to many end points.
+    """Rays of one measurement, from one origin to many end points; compare costmap_2d's Observation.
 
     Attributes:
         origin: The sensor's position in the costmap's frame: (x, y) or (x, y, z) in metres.
-        points: End points in the costmap's frame, shape (N, 2) or (N, 3) in metres; rows that are not finite are left
-            out. Heights are looked at only where there are three columns.
-        hits: Shape (N,), bool: True where something was hit there, False where the ray only shows free space. None
-            where all are hits.
-        stamp: Time (s) of measurement.
-        frame: The sensor's own frame, which tells it from others on the same topic.
-        rides: Whether the sensor moves with the robot. One that stands in the world sees as well, and is not missed
-            where others of its topic do.
-        heading: Which way (rad) the sensor faces in the costmap's frame; None where that is not known.
-        base: The robot's base in the costmap's frame when it was measured; None where that is not known.
-        unseen: Where beams that measured nothing, as at what is nearer than range_min, begin to see: shape (M, 2) in
-            metres, in the costmap's frame. None where there are none.
+        points: End points in the costmap's frame, shape (N, 2) or (N, 3) in metres; rows that are not finite are
+            ignored. With two columns, limits on heights do not apply.
+        hits: Shape (N,), bool: True where something was hit, False where the ray only shows free space. None where all
+            are hits.
+        stamp: Time (s) of the measurement.
+        frame: The sensor's own frame, by which several sensors on one topic are told apart.
+        rides: Whether the sensor is mounted on the robot. One that is fixed in the world may fall silent without making
+            the costmap stale, as long as another sensor on its topic reports.
+        heading: Direction (rad) of the sensor's x axis in the costmap's frame; None where not known.
+        base: Pose of the robot's base in the costmap's frame at that time; None where not known.
+        unseen: For beams without a valid reading, which may look at an object nearer than range_min: the points at
+            range_min along them, shape (M, 2) in metres, in the costmap's frame. None for no such beams.
     """
 
     origin: Tuple[float, ...]
@@ -48,11 +48,11 @@ class Observation:
     unseen: Optional[np.ndarray] = None
 
     def dated(self, now: Optional[float]) -> Observation:
-        """Return it as measured `now` (s), where that is told and it has no stamp, as from a sensor without a clock."""
+        """Return a copy stamped `now` (s) where its own stamp is 0, as of a sensor without a clock; else itself."""
         return self if self.stamp != 0.0 or now is None else replace(self, stamp=now)
 
     def without_robot(self, outline: np.ndarray) -> Observation:
-        """Return it without what the sensor saw of the robot itself, whose outline is (K, 2) in metres, base frame."""
+        """Return it without rays that end on the robot itself; `outline` as for `are_own`."""
         if self.base is None:
             return self
         own = are_own(self.points, self.base, outline)
@@ -62,12 +62,12 @@ class Observation:
 
 
 def observation_from_scan(scan: LaserScan, sensor_pose: Pose2D, height: Optional[float] = None) -> Observation:
-    """Return what a level lidar saw.
+    """Return the observation of a level lidar.
 
     Args:
         scan: The scan.
-        sensor_pose: The sensor in the costmap's frame when the scan was taken.
-        height: The sensor's height (m) in the costmap's frame; without it, heights are not looked at.
+        sensor_pose: Pose of the sensor in the costmap's frame when the scan was taken.
+        height: The sensor's height (m) in the costmap's frame; None for an observation without heights.
     """
     seen = observation_from_level_points(*scan_points(scan), sensor_pose, scan.stamp, height)
     unseen = unseen_points(scan)
@@ -77,11 +77,11 @@ def observation_from_scan(scan: LaserScan, sensor_pose: Pose2D, height: Optional
 def observation_from_level_points(
     points: np.ndarray, hits: np.ndarray, sensor_pose: Pose2D, stamp: float, height: Optional[float] = None
 ) -> Observation:
-    """Return what a level lidar saw, from its `scan_points`, which are the same for several costmaps.
+    """Return the observation of a level lidar from its `scan_points`, which several costmaps can share.
 
     Args:
-        points, hits: See scan_points.
-        sensor_pose, height: As for observation_from_scan.
+        points, hits: As `scan_points` returns them.
+        sensor_pose, height: As for `observation_from_scan`.
         stamp: Time (s) of the scan.
     """
     ends = sensor_pose.transform_points(points)
@@ -95,8 +95,8 @@ def observation_from_level_points(
 def scan_points(scan: LaserScan, inf_is_valid: bool = True) -> Tuple[np.ndarray, np.ndarray]:
     """Return a scan's end points in the sensor's frame, (N, 2) in metres, and which of them are hits, (N,) bool.
 
-    Readings below range_min or NaN are left out. Those at or above range_max and infinite ones are no hits: they stay,
-    at range_max, where `inf_is_valid`, and are left out otherwise.
+    Readings below range_min or NaN are left out. Those at or above range_max and infinite ones are misses: with
+    `inf_is_valid` their end points lie at range_max, without it they are left out.
     """
     ranges = scan.ranges
     with np.errstate(invalid="ignore"):  # False for NaN, of which numpy 1.17 warns
@@ -109,7 +109,8 @@ def scan_points(scan: LaserScan, inf_is_valid: bool = True) -> Tuple[np.ndarray,
 
 
 def unseen_points(scan: LaserScan) -> Optional[np.ndarray]:
-    """Return where beams that measured nothing begin to see, shape (M, 2) in metres in the sensor's frame, or None."""
+    """Return the points at range_min of beams without a valid reading: (M, 2) in metres, sensor's frame; None for none.
+    """
     if scan.measured.all():
         return None
     angles = scan.angles[~scan.measured]
@@ -119,12 +120,12 @@ def unseen_points(scan: LaserScan) -> Optional[np.ndarray]:
 def observation_from_points(
     points: np.ndarray, hits: Optional[np.ndarray], rotation: np.ndarray, translation: np.ndarray, stamp: float
 ) -> Observation:
-    """Return an observation from points of a sensor that may be tilted.
+    """Return the observation of a sensor that may be tilted, such as a depth camera.
 
     Args:
         points: In the sensor's frame, shape (N, 2) or (N, 3) in metres.
         hits: As in Observation.
-        rotation, translation: Shapes (3, 3) and (3,): take points of the sensor's frame to the costmap's frame.
+        rotation, translation: Shapes (3, 3) and (3,) in metres: the transform from the sensor's frame to the costmap's.
         stamp: Time (s) of measurement.
     """
     if hits is None and points.shape[1] == 3:
