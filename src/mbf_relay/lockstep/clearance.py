@@ -99,7 +99,8 @@ def _fixed_outline(world: World, tall: float) -> np.ndarray:
     ends = np.append(starts[1:], len(triangles))
     for index in np.flatnonzero((high <= tall / 2.0) | (low > tall / 2.0)):
         segments.append(_abreast(triangles[starts[index]:ends[index]], tall))
-    return np.concatenate(segments).reshape(-1, 4)
+    outline: np.ndarray = np.concatenate(segments).reshape(-1, 4)
+    return outline
 
 
 def _abreast(triangles: np.ndarray, tall: float) -> np.ndarray:
