@@ -22,8 +22,8 @@ class Watchdog:
 
     It has a thread of its own, which waits for no lock that navigation or a costmap holds. Commands of the hanging step
     are dropped until the next step begins, which drops all goals (`settle`). If the watchdog did not run either, as on
-    a computer that was busy or suspended, the robot is only stopped until the next step. While the simulated clock stands
-    still, the robot is held at zero, and the drive goes on with the clock.
+    a computer that was busy or suspended, the robot is only stopped until the next step. While the simulated clock
+    stands still, the robot is held at zero, and the drive goes on with the clock.
 
     Args:
         stepper: The stepping thread.
