@@ -8,7 +8,7 @@ from typing import Tuple
 import numpy as np
 
 from mbf_relay.control import evasion_kernels
-from mbf_relay.control.braking import Arcs, arcs_to_a_stand, brake_free
+from mbf_relay.control.braking import arcs_to_a_stand, brake_free
 from mbf_relay.control.follower_parameters import FollowerParameters
 from mbf_relay.control.foresight import BETTER, Foresight
 from mbf_relay.control.local_path import LocalPath
@@ -84,8 +84,8 @@ class Evasion:
     def command(self, velocity: Twist2D, wanted: Twist2D) -> Twist2D:
         """Return the wanted command or the beginning of a way out, or as good a stop as there is.
 
-        That is where the robot could not brake before it meets what moves, and would be met later where it stands. It
-        is held back by as much as it could run into somebody who turns on it.
+        That is where the robot could not brake before it meets what moves, and would be met later where it stands, and
+        if it brakes to stand at all. It is held back by as much as it could run into somebody who turns on it.
 
         Args:
             velocity: The robot's now.
@@ -98,11 +98,11 @@ class Evasion:
         still = np.array(window.still)
         held_back = still + SHARES[:, None] * (np.array(command) - still)
         arcs = arcs_to_a_stand(self._parameters, self._state, self._checker, held_back)
-        whole = Arcs(*(each[:1] for each in arcs))
-        meeting = self._foresight.meetings(*whole)
-        cost = self._foresight.costs(meeting, whole.counts * whole.steps, self._pose, -BETTER if flees else BETTER)[0]
+        met, duration = self._foresight.meetings(*arcs), arcs.counts[0] * arcs.steps[0]
+        instead = min(met[-1], self._foresight.meeting_of_standing(self._pose)) + (-BETTER if flees else BETTER)
+        is_late = met[0] <= min(duration, instead)
         runs_into = self._foresight.runs_into(*arcs)
-        if math.isinf(cost) or runs_into[:-1].all():
+        if is_late or runs_into[:-1].all():
             return STOP if runs_into[-1] else window.still
         return Twist2D(*held_back[int(np.argmin(runs_into))].tolist())
 

@@ -122,9 +122,7 @@ class Foresight:
         """Return when the robot is met (s from now) if it stands where it is."""
         return float(self.meetings(np.array([[pose]], dtype=float), np.ones(1, np.int64), np.full(1, WAIT))[0])
 
-    def costs(
-        self, meetings: np.ndarray, stopping: np.ndarray, pose: Pose2D, better: float = BETTER
-    ) -> np.ndarray:
+    def costs(self, meetings: np.ndarray, stopping: np.ndarray, pose: Pose2D) -> np.ndarray:
         """Return what meetings cost, shape (N,): 0 for none in sight to 1 for one now.
 
         Infinite where the robot could not stop before, unless it would be met no later where it stands.
@@ -133,8 +131,7 @@ class Foresight:
             meetings: Shape (N,), from `meetings`.
             stopping: Shape (N,): seconds each needs to stop.
             pose: The robot now.
-            better: Seconds by which it must be met later than where it stands.
         """
         costs = np.maximum(0.0, 1.0 - meetings / self._horizon)
-        late = (meetings <= stopping) & (meetings <= self.meeting_of_standing(pose) + better)
+        late = (meetings <= stopping) & (meetings <= self.meeting_of_standing(pose) + BETTER)
         return np.where(late, math.inf, costs)

@@ -15,6 +15,7 @@ from mbf_relay.control.foresight import Foresight
 from mbf_relay.control.local_path import PathTracker
 from mbf_relay.control.space_time import BLOCKED, PRICE
 from mbf_relay.control.state import ControlState
+from mbf_relay.control.trajectories import window_of
 from mbf_relay.costmap.footprint_checker import FootprintChecker
 from mbf_relay.geometry import IDENTITY, STOP, Pose2D, Twist2D
 from mbf_relay.tracking.track import Track
@@ -159,6 +160,21 @@ def test_one_that_stands_gives_way_to_who_comes_and_alike_to_either_side(track, 
     assert (left != STANDS) is gives_way
     assert left == pytest.approx((right.x, right.y, -right.theta))
     assert radius == 0.0 or abs(left.theta) <= abs(left.x) / radius + 1e-9
+
+
+@pytest.mark.parametrize("velocity, angle, aside", [
+    ((0.22, 1.5), 2.7, 0.4), ((0.22, 1.5), 3.0, 0.4), ((0.0, -2.0), -3.0, -0.4), ((0.15, -1.6), -3.0, -0.4)])
+def test_one_that_moves_is_not_stopped_where_it_is_met_sooner_so(velocity, angle, aside):
+    """It was stopped before who came from behind, for it would have been met later had it stood there already."""
+    moving, parameters = Twist2D(velocity[0], 0.0, velocity[1]), burger(foresight=True)
+    (x, y), (vx, vy) = (length * np.array((np.cos(way), np.sin(way)))
+                        for length, way in ((0.35, angle), (0.4, angle + np.pi + aside)))
+    evasion = evasion_from((x, y, vx, vy), moving, parameters)
+    command = evasion.command(moving, moving)
+    still = window_of(parameters, moving, 0.1, parameters.max_vel_trans, parameters.max_vel_theta).still
+    arcs = arcs_to_a_stand(parameters, evasion._state, evasion._checker, np.array([command, still]))
+    going_on, braking = evasion._foresight.meetings(*arcs)
+    assert command.x > 0.2 and going_on > braking
 
 
 @pytest.mark.parametrize("back", [0.05, 0.8])
