@@ -1,4 +1,4 @@
-"""What a drive checks beside driving: whether the goal is reached or blocked, and whether the wheels turn."""
+"""Checks of a drive: whether the goal is reached or blocked, and whether the robot is stuck."""
 
 from __future__ import annotations
 
@@ -11,22 +11,22 @@ from mbf_relay.costmap.footprint_checker import FootprintChecker
 from mbf_relay.geometry import STOP, Pose2D, Twist2D, angle_between
 from mbf_relay.outcomes import ControlError, ControlOutcome
 
-HYSTERESIS = 1.5  # times the tolerance: how far a robot that turns at the goal may drift before it drives again
-FACING = 0.5  # times the tolerance: where a turn to the goal's heading ends
-CLOSE_ENOUGH = 0.3  # times the tolerance: so near nothing is gained by creeping on
-CREEPING = 0.05  # of the top speed: slower than this is standing, whatever the parameters call so
-PASSED = 0.35  # rad short of abeam: where the goal counts as beside the robot
-MOVED_DISTANCE, MOVED_ANGLE = 0.1, 0.05  # robot's widths and rad that count as having moved
-NEAR_GOAL = 4.5  # robot's widths, or a second's drive, from which on it is looked at whether the goal is free
+HYSTERESIS = 1.5  # tolerances by which a robot that turns at the goal may be off before it drives again
+FACING = 0.5  # tolerances at which a turn to the goal's heading ends
+CLOSE_ENOUGH = 0.3  # tolerances of distance at which the robot stops although it is still getting nearer
+CREEPING = 0.05  # share of the top speed below which the robot counts as standing, besides trans_stopped_vel
+PASSED = 0.35  # part ahead of the distance to the goal up to which it counts as passed: 20 degrees before abeam
+MOVED_DISTANCE, MOVED_ANGLE = 0.1, 0.05  # robot's widths, and rad, from which on the robot has moved
+NEAR_GOAL = 4.5  # robot's widths of path left, or a second's drive, within which a blocked goal is looked for
 CAR = (
     "; a car, which cannot turn on the spot, needs a controller that knows so, as mppi with motion_model: Ackermann"
 )
 
 
 class GoalChecker:
-    """Remembers that the position was reached.
+    """Decides when the robot turns to the goal's heading, and when the goal is reached.
 
-    Source: base_local_planner's LatchedStopRotateController, whose latch here outlives new paths to the same goal.
+    Source: base_local_planner's LatchedStopRotateController; unlike there, new plans to the same goal keep the latch.
     """
 
     def __init__(self) -> None:
@@ -34,28 +34,28 @@ class GoalChecker:
         self.tolerance: Optional[GoalTolerance] = None
 
     def reset(self) -> None:
-        """Forget what was reached: the goal is a new one."""
+        """Forget what was reached, for a new goal."""
         self._turns = self._was_there = False
         self.tolerance = None
 
     @property
     def turns(self) -> bool:
-        """Whether the position was reached when it was looked last."""
+        """Whether the position counted as reached in the last `is_turning`."""
         return self._turns
 
     def tolerance_of(self, parameters: FollowerParameters) -> GoalTolerance:
-        """Return the tolerance that holds: the action's where there is one."""
+        """Return the action's tolerance, or the parameters' where it has none."""
         return GoalTolerance.of(self.tolerance, parameters.xy_goal_tolerance, parameters.yaw_goal_tolerance)
 
     def is_turning(
         self, state: ControlState, goal: Pose2D, parameters: FollowerParameters, is_occupied: bool
     ) -> bool:
-        """Return whether the robot has come near enough to stop and turn to the goal's heading.
+        """Return whether the robot is to stop and turn to the goal's heading.
 
-        Within tolerance it drives on as long as that brings it nearer, but not to a goal that `is_occupied`; once it
-        turns it turns, until it has drifted well out of tolerance, or with latch_xy_goal_tolerance, once it was there
-        and not only expected to be, until the goal changes. One that has turned and does not stand within tolerance
-        drives again: nothing else would bring it there.
+        Within tolerance it drives on as long as that brings it nearer, unless the goal `is_occupied`. Once begun, the
+        turn goes on until the robot is off by HYSTERESIS tolerances; with latch_xy_goal_tolerance, and the tolerance
+        really reached (not only predicted across the delay), until the goal changes. A robot that has turned and is
+        out of tolerance drives again.
         """
         tolerance, pose = self.tolerance_of(parameters), state.pose
         distance, latched = pose.distance_to(goal), self._latched(state, goal, parameters)
@@ -72,7 +72,7 @@ class GoalChecker:
     def is_reached(self, state: ControlState, goal: Pose2D, parameters: FollowerParameters) -> bool:
         """Return whether the robot stands at the goal, position and heading.
 
-        One that is still on its way nearer does not stand, however slow.
+        A robot that still drives nearer does not, even below trans_stopped_vel.
         """
         tolerance = self.tolerance_of(parameters)
         latched = self._turns and self._latched(state, goal, parameters)
@@ -85,37 +85,37 @@ class GoalChecker:
         )
 
     def _latched(self, state: ControlState, goal: Pose2D, parameters: FollowerParameters) -> bool:
-        """Return whether nothing but the heading counts any more for a robot that turns; asked in every cycle."""
+        """Return whether the position is latched: only the heading counts. Call it in every cycle."""
         is_there = (state.pose_now or state.pose).distance_to(goal) <= self.tolerance_of(parameters).distance
         self._was_there = self._was_there or is_there
         return self._was_there and parameters.latch_xy_goal_tolerance
 
 
 class StuckChecker:
-    """Compares what the wheels were told with how the robot moved; turning on the spot is motion."""
+    """Compares commands with the robot's motion; turning on the spot counts as motion."""
 
     def __init__(self) -> None:
         self._reference: Optional[Tuple[float, Pose2D]] = None
-        self._asked_motion = STOP  # m and rad by which it was told to move since then, there and back making nothing
-        self._asked_distance = self._asked_angle = 0.0  # the most it was told to be away
+        self._asked_motion = STOP  # m, m, rad: integral of the commands since the reference
+        self._asked_distance = self._asked_angle = 0.0  # largest magnitudes of that (m, rad)
         self._last_time: Optional[float] = None
 
     def reset(self) -> None:
-        """Forget the past: the robot was stopped on purpose."""
+        """Forget the past, as after a stop on purpose."""
         self._reference = None
 
     def check(self, state: ControlState, last_command: Twist2D, timeout: float) -> None:
         """Note one cycle.
 
         Args:
-            state: Now.
-            last_command: What the wheels were told since the last cycle.
-            timeout: Seconds without motion that mean stuck; 0 switches this off.
+            state: State of this cycle.
+            last_command: Mean velocity sent to the wheels since the last cycle, body frame.
+            timeout: Time (s) without motion after which the robot is stuck; 0 switches this off.
 
         Raises:
             ControlError: ROBOT_STUCK.
         """
-        now, here = state.now, state.pose_now or state.pose  # not where it is expected: that moves with each command
+        now, here = state.now, state.pose_now or state.pose  # not the predicted pose, which moves with each command
         moves = last_command.speed() > 1e-3 or abs(last_command.theta) > 1e-3
         if self._reference is None or self._last_time is None or not moves or not 0.0 <= now - self._last_time < 1.0:
             self._restart(state)
@@ -149,26 +149,24 @@ class StuckChecker:
 
 
 class BlockedGoalChecker:
-    """Sees whether something stands where the robot is to stop."""
+    """Detects an obstacle on the goal."""
 
     def __init__(self) -> None:
         self._blocked_since: Optional[float] = None
 
     def reset(self) -> None:
-        """Forget the past: the goal is a new one."""
+        """Forget the past, for a new goal."""
         self._blocked_since = None
 
     def check(
         self, state: ControlState, path: LocalPath, checker: FootprintChecker, parameters: FollowerParameters,
         tolerance: float,
     ) -> bool:
-        """Note one cycle; return whether something stands on the goal, of which the robot sees that from nearby.
-
-        The goal is blocked when the robot's centre could be there in no heading, nor on the path `tolerance` (m) before
-        it, and it has been so for blocked_timeout, as seen from nearby, and the robot is not within tolerance.
+        """Note one cycle; return whether the goal is occupied, which is only looked for near it (see NEAR_GOAL).
 
         Raises:
-            ControlError: BLOCKED_GOAL.
+            ControlError: BLOCKED_GOAL: for blocked_timeout neither the goal nor the path `tolerance` (m) before it has
+                been free for the robot's centre in any heading, and the robot is not within `tolerance`.
         """
         goal = path.goal
         near = path.remaining <= max(NEAR_GOAL * state.costmap.width, parameters.max_vel_trans)

@@ -20,20 +20,20 @@ from mbf_relay.geometry import Twist2D
 from mbf_relay.planning.path import Path
 from mbf_relay.plugins import failures_of, find_class
 
-LEAST_GAIN = 0.01  # robot's widths off the path by which a trajectory's end must be better than standing
-LEAST_SHARE = 0.1  # of the way that the fastest in reach leads: as much will do, for who has just begun to accelerate
+LEAST_GAIN = 0.01  # robot's widths of distance to the path by which a trajectory's end must be better than standing
+LEAST_SHARE = 0.1  # of the way of the fastest velocity: a smaller gain will do for a robot that begins to accelerate
 
 
 class DwaController(PathFollower):
-    """Samples velocities in reach, drives each forward, has critics score the batch, and takes the cheapest.
+    """Samples the dynamic window, simulates each velocity, has critics score the batch, and takes the cheapest.
 
     Source: Fox, Burgard, Thrun, "The dynamic window approach to collision avoidance" (1997), and
     dwa_local_planner/DWAPlannerROS, whose parameters it reads.
 
     Attributes:
-        critics: The critics in the order they are asked.
+        critics: The critics in the order of evaluation.
         trajectories: The batch of the last cycle that sampled one, None before.
-        explanation: Why that cycle ended as it did, None before.
+        explanation: The scores of that cycle, None before.
     """
 
     Parameters = DwaParameters
@@ -48,7 +48,7 @@ class DwaController(PathFollower):
         self.explanation: Optional[Explanation] = None
 
     def reconfigure(self, parameters: DwaParameters) -> None:
-        """Take new parameters; critics that stay keep what they remember."""
+        """Take new parameters; with an unchanged list, critics keep what they remember."""
         if parameters.critics != self.parameters.critics:
             self.critics = _make_critics(parameters)
         for critic in self.critics:
@@ -78,7 +78,7 @@ class DwaController(PathFollower):
                 critic.reset()
 
     def drive(self, cycle: ControlCycle) -> Twist2D:
-        """Return the command of the cheapest trajectory."""
+        """Return the command of the cheapest trajectory, or one that only turns or brakes."""
         self.trajectories, data = self._rolled_out(cycle)
         self.explanation = self._score(self.trajectories, data)
         turns = self._only_turns(self.explanation)
@@ -91,17 +91,17 @@ class DwaController(PathFollower):
             self.explanation, winner = self._that_gets_on(self.explanation, turns, cycle)
         once_passed = self.explanation.once_passed()
         if winner is None:
-            if self._worthwhile(once_passed, cycle) is not None:  # somebody crosses: wait
+            if self._worthwhile(once_passed, cycle) is not None:  # what holds the robot goes away by itself: wait
                 return cycle.window.still
             raise self.nothing_left(cycle, str(self.explanation))
         command = Twist2D(*map(float, self.trajectories.commands[winner]))
-        if once_passed.winner == winner:  # to step aside for somebody is no change of mind
+        if once_passed.winner == winner:  # evading somebody is not noted as a change of direction
             for critic in self.critics:
                 critic.driven(command, data)
         return command
 
     def _rolled_out(self, cycle: ControlCycle) -> Tuple[Trajectories, CriticData]:
-        """Return the trajectories of the velocities in reach, the last one's is standing, and what critics look at."""
+        """Return the trajectories of the samples, standing still as the last one, and the data for the critics."""
         parameters, state, window = self.parameters, cycle.state, cycle.window
         if not parameters.use_dwa:
             window = window_of(parameters, cycle.velocity, parameters.sim_time, cycle.speed, cycle.turn)
@@ -126,21 +126,21 @@ class DwaController(PathFollower):
         return Explanation.of(asked, scores, trajectories.velocities)
 
     def _only_turns(self, explanation: Explanation) -> bool:
-        """Return whether the winner as good as turns on the spot."""
+        """Return whether the winner turns on the spot, or nearly."""
         if explanation.winner is None:
             return False
         speed = np.hypot(*explanation.velocities[explanation.winner, :2])
         return bool(speed < STANDING * self.parameters.max_vel_trans)
 
     def _turn_or_brake(self, cycle: ControlCycle, explanation: Explanation) -> Optional[Twist2D]:
-        """Return what is better than a winner that only turns: a turn until the robot faces the path, or to brake.
+        """Return what replaces a winner that only turns: a turn that ends when the robot faces the path, or braking.
 
-        None where the robot faces the path already and stands, or the winner turns as fast as it can.
+        None where the robot faces the path and can stand, or the winner is as fast as the window allows.
         """
         turn = self.turn_to_path(cycle, 0.0)
         if turn is not None:
             return turn
-        # it faces the path and turns too fast to go on from there: else it would swing to and fro
+        # it faces the path and still turns: without braking it would swing to and fro
         if not cycle.window.can_stand and not is_fastest(cycle.window, explanation.velocities[explanation.winner]):
             return cycle.window.still
         return None
@@ -148,11 +148,12 @@ class DwaController(PathFollower):
     def _that_gets_on(
         self, explanation: Explanation, turns: bool, cycle: ControlCycle
     ) -> Tuple[Explanation, Optional[int]]:
-        """Return the explanation that a standing robot goes by, and its winner; None where that is not worthwhile.
+        """Return the explanation to follow for a robot that can stand, and its winner; None if none is worthwhile.
 
-        Where all critics together would have it stay, or just turn (`turns`), those that yield where they hold it are
-        left out: the winner is then what gets it on. Where it still would, though it faces its path, because that is
-        narrower than where it is, but free, so is what the way costs: base_local_planner's robot has no choice to stay.
+        If the critics together prefer standing, or just turning (`turns`), those with `yields_where_held` are left
+        out. If they still do, although the path is free and the robot faces it, finite costs of critics with
+        `judges_way` are left out as well: else a robot would stay before a narrower place. base_local_planner never
+        compares with standing.
         """
         winner = self._worthwhile(explanation, cycle)
         if winner is not None and not turns:
@@ -165,14 +166,14 @@ class DwaController(PathFollower):
         return (explanation, winner) if other is None and winner is not None else (getting_on, other)
 
     def _is_free_ahead(self, cycle: ControlCycle) -> bool:
-        """Return whether nothing stands on the path, and the robot faces it or can turn to it."""
+        """Return whether the path ahead is free, and the robot faces it or can turn to it."""
         return cycle.path.first_blocked(cycle.checker) is None and not self._no_room_to_turn(cycle)
 
     def _worthwhile(self, explanation: Explanation, cycle: ControlCycle) -> Optional[int]:
         """Return the winner, None where it ends at no better place than the robot is at.
 
-        That is for the critics that judge places to say; where there is none, every winner counts. A robot that creeps
-        to and fro before an obstacle is not on its way; whoever sent it should hear of that.
+        Critics with `judges_place` decide that; without any, every winner counts. So a robot that could only creep to
+        and fro before an obstacle fails with an error.
         """
         if explanation.winner is None:
             return None
@@ -185,7 +186,7 @@ class DwaController(PathFollower):
         return explanation.winner if gain > least else None
 
     def report(self, cycle: ControlCycle, drove: bool) -> CycleReport:
-        """Return the batch of trajectories, their costs and why the winner won."""
+        """Return the report with the batch of trajectories, their costs and the explanation."""
         p = self.parameters
         weights = (p.path_distance_bias, p.goal_distance_bias, p.occdist_scale) if p.publish_cost_grid_pc else None
         plain = dataclasses.replace(super().report(cycle, drove), cost_weights=weights)

@@ -27,29 +27,28 @@ from mbf_relay.outcomes import ControlError, ControlOutcome
 from mbf_relay.parameters import ParameterSet
 from mbf_relay.planning.path import Path
 
-TURNED = 0.15  # heading error (rad) at which a turn towards the path ends
-LEAST_HORIZON_SCALE = 0.4  # in a passage as narrow as NARROW: long arcs ahead would touch its sides
+TURNED = 0.15  # heading error (rad) at which a turn to the path ends
+LEAST_HORIZON_SCALE = 0.4  # horizon scale in passages of clearance NARROW, whose sides long arcs would touch
 ROUND_GOAL = 2.0 * math.pi
-"""Goal tolerances of path that may be left, besides the robot's width, where a robot within the tolerance has arrived:
-a circle round the goal. A path that passes its goal first and comes back to it has more left."""
+"""Path left, in goal tolerances besides the robot's width, above which a robot within tolerance has not arrived: the
+circumference round the goal. A path that passes near its goal and comes back to it later has more left."""
 
 # in robot's widths
-# gap between footprint and obstacles in which the horizon scale is least, and from which it is 1
+# clearance between footprint and obstacles at which the horizon scale is least, and from which it is 1
 NARROW, WIDE = 0.1, 0.65
-BEHIND = 3.0  # path kept behind the robot
-BEYOND = 4.5  # path kept beyond the lookahead
+BEHIND = 3.0  # path cut out behind the robot
+BEYOND = 4.5  # path cut out beyond the lookahead or horizon
 EXTENSION = 2.0  # by which the path is extended beyond the goal, besides the lookahead
 MISSED = 2.0  # distance from the path up to which it can always be rejoined
-HERE = 0.1  # distance below which the direction to a point is not used: it is noise
+HERE = 0.1  # distance to a point below which its bearing is noise and not used
 ODOMETRY_LAG = 0.1
-"""Time (s) by which wheels may lag behind a command, and odometry behind the wheels: three readings of 30 Hz.
-
-With two cycles alone, where these are shorter, a robot that accelerates slowly would never get going.
+"""Least time (s) of acceleration by which odometry may differ from a command that is being followed: three readings at
+30 Hz. With two short cycles instead, a robot that accelerates slowly would never get going.
 """
 
 
 class PathFollower(Controller, abc.ABC):
-    """A controller that turns to the path, follows it by `drive`, stops at the goal and turns to its heading.
+    """A controller that turns to the path, follows it with `drive`, stops at the goal and turns to its heading.
 
     Attributes:
         command: The velocity of the last cycle.
@@ -77,15 +76,15 @@ class PathFollower(Controller, abc.ABC):
         """Return the velocity that follows the path, within `cycle.window`.
 
         Raises:
-            ControlError: Nothing is left to drive.
+            ControlError: No velocity is possible; see `nothing_left`.
         """
 
     @property
     @abc.abstractmethod
     def lookahead(self) -> float:
-        """Distance (m) ahead on the path whose direction the robot faces before it drives.
+        """Distance (m) ahead on the path to the point that the robot turns to before it drives.
 
-        Less than its width counts as that.
+        The robot's width is used where that is more.
         """
 
     @property
@@ -95,12 +94,12 @@ class PathFollower(Controller, abc.ABC):
 
     @property
     def turning_radius(self) -> float:
-        """Least radius (m) of its curves; 0 where it turns on the spot."""
+        """Minimum turning radius (m); 0 for a robot that turns on the spot."""
         return 0.0
 
     @property
     def horizon(self) -> float:
-        """Time (s) ahead for which it predicts at most; the path is cut as long as that takes it."""
+        """Longest prediction (s); the path is cut out as far ahead as the robot gets in that time."""
         return 1.5
 
     @property
@@ -133,7 +132,7 @@ class PathFollower(Controller, abc.ABC):
             state, self._tracker.remaining(state))
 
     def _ends_here(self, state: ControlState, remaining: float) -> bool:
-        """Return whether the path ends here, by what is left (m) of it; see ROUND_GOAL."""
+        """Return whether the path ends here, given the path left (m); see ROUND_GOAL."""
         tolerance = self._goal_checker.tolerance_of(self.parameters).distance
         return self._goal_checker.turns or (
             self._tracker.is_on_last_leg and remaining <= ROUND_GOAL * tolerance + state.costmap.width)
@@ -159,7 +158,7 @@ class PathFollower(Controller, abc.ABC):
         return CycleReport(cycle.state.now, cycle.state.costmap, cycle.path, np.zeros((0, 3)))
 
     def _foreseen(self, state: ControlState) -> Twist2D:
-        """Return the command decided on; where a track comes towards the robot, what Evasion makes of that command."""
+        """Return the command of `_decide`, as changed by Evasion where a tracked obstacle comes near."""
         trouble: Optional[ControlError] = None
         try:
             command = self._decide(state)
@@ -233,7 +232,7 @@ class PathFollower(Controller, abc.ABC):
         return self.drive(cycle) if backward is None else backward
 
     def look_around(self, state: ControlState) -> ControlCycle:
-        """Return what this cycle works on: path, obstacles, and the velocities in reach and in order here."""
+        """Return the working data of this cycle: path, obstacles, dynamic window and speed limits."""
         parameters = self.parameters
         width = state.costmap.width
         lookahead = max(self.lookahead, width)
@@ -253,9 +252,9 @@ class PathFollower(Controller, abc.ABC):
 
     @staticmethod
     def _horizon_scale(path: LocalPath, checker: FootprintChecker, lookahead: float) -> float:
-        """Return how narrow the path is from here to the end of what is looked ahead.
+        """Return the factor on distances looked ahead, by the least clearance of the path up to the lookahead.
 
-        1 wide, LEAST_HORIZON_SCALE narrow.
+        It is 1 from WIDE on and LEAST_HORIZON_SCALE at NARROW.
         """
         width = checker.costmap.width
         ahead = (path.arcs >= path.robot_arc - 0.5 * width) & (
@@ -268,7 +267,7 @@ class PathFollower(Controller, abc.ABC):
     def _speed_in_sight(
         path: LocalPath, checker: FootprintChecker, pose: Pose2D, acceleration: float, delay: float
     ) -> float:
-        """Return the speed from which the robot stops within the part of the path it sees from where it is."""
+        """Return the speed (m/s) from which the robot can stop within the part of the path that is in sight."""
         ahead = path.arcs >= path.robot_arc
         points, arcs = path.points[ahead][::3], path.arcs[ahead][::3]
         hidden = np.flatnonzero(~checker.in_sight(pose, points))
@@ -277,11 +276,11 @@ class PathFollower(Controller, abc.ABC):
         return speed_to_stop_within(float(arcs[hidden[0]] - path.robot_arc), acceleration, delay)
 
     def _velocity_now(self, state: ControlState, parameters: FollowerParameters) -> Twist2D:
-        """Return the last command where the robot is on its way to it, component by component, else what was measured.
+        """Return the present velocity: by component, the last command where odometry agrees with it, else odometry.
 
-        Odometry lags: with a window built on it alone every acceleration comes late and every stop overshoots. A robot
-        that moves faster than it is told counts as moving as told: else the slowest velocity in reach could be faster
-        than the last command, and a robot that turns 1.4 times as fast as it is told would never stop turning.
+        Odometry lags: with a window round it alone every acceleration comes late and every stop overshoots. A robot
+        that moves faster than commanded counts as moving as commanded: else the slowest velocity in reach could be
+        above the last command, and a robot that turns 1.4 times as fast as commanded would never stop turning.
         """
         if state.delay > 0.0 and state.commanded is not None:
             return commandable(parameters, state.commanded, state.commanded)
@@ -306,7 +305,7 @@ class PathFollower(Controller, abc.ABC):
         self.command, self._commanded_at = command, state.now
 
     def _turn_at_goal(self, cycle: ControlCycle) -> Twist2D:
-        """Brake, and turn to the goal's heading the way that is free."""
+        """Return the command that brakes and turns to the goal's heading, in the direction that is free."""
         state, p = cycle.state, self.parameters
         error = angle_between(state.pose.theta, cycle.path.goal.theta)
         still = cycle.window.still
@@ -324,10 +323,9 @@ class PathFollower(Controller, abc.ABC):
         return self._turn(cycle, way, still)
 
     def _turn(self, cycle: ControlCycle, way: float, still: Twist2D) -> Twist2D:
-        """Return the command that turns by `way` (rad) on the spot, braking otherwise as `still` does.
+        """Return the command that turns by `way` (rad) on the spot, with the translation of `still`.
 
-        A turn that is free on the spot may not be while the robot still rolls: where it would swing into something, the
-        robot first brakes on the arc it is on.
+        A turn that is free on the spot may not be while the robot still rolls; it then brakes on its arc first.
         """
         if self.parameters.max_vel_theta == 0.0:
             raise ControlError(
@@ -339,13 +337,13 @@ class PathFollower(Controller, abc.ABC):
         return command
 
     def turn_to_path(self, cycle: ControlCycle, least: float) -> Optional[Twist2D]:
-        """Return a turn on the spot towards the path, None where there is no need or no space for one.
+        """Return the command of a turn on the spot to the path; None where none is needed or there is no room for it.
 
-        A turn once begun goes on, in its direction, until the robot faces the path.
+        A turn once begun goes on in its direction until the heading error is below TURNED.
 
         Args:
-            cycle: The cycle.
-            least: Heading error (rad) that begins a turn.
+            cycle: The working data of this cycle.
+            least: Heading error (rad) from which a turn begins.
         """
         state = cycle.state
         ahead = cycle.path.robot_arc + cycle.horizon_scale * cycle.lookahead
@@ -370,7 +368,7 @@ class PathFollower(Controller, abc.ABC):
         return self._turn(cycle, way, cycle.window.still)
 
     def nothing_left(self, cycle: ControlCycle, reason: str) -> ControlError:
-        """Return the error for a cycle in which nothing can be driven: COLLISION, BLOCKED_PATH or NO_VALID_CMD."""
+        """Return the error of a cycle without a possible velocity: COLLISION, BLOCKED_PATH or NO_VALID_CMD."""
         pose: Pose2D = cycle.state.pose
         if cycle.checker.contacts_at(pose):
             costmap = cycle.state.costmap
@@ -391,7 +389,7 @@ class PathFollower(Controller, abc.ABC):
         return ControlError(ControlOutcome.NO_VALID_CMD, f"{why}: {reason}")
 
     def _no_room_to_turn(self, cycle: ControlCycle) -> str:
-        """Return that the robot cannot turn to where its path leads, empty where it can."""
+        """Return the reason why the robot cannot turn to its path; empty where it can."""
         pose = cycle.state.pose
         _ahead, error = direction_of(cycle.path, pose, cycle.state.costmap.width)
         if abs(error) < ASKEW or free_way_round(cycle.checker, pose, error) is not None:

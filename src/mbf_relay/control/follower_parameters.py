@@ -1,4 +1,4 @@
-"""Parameters every path follower has: limits, accelerations, tolerances, and when to give up."""
+"""Parameters of every path follower: limits, accelerations, tolerances, and timeouts."""
 
 from __future__ import annotations
 
@@ -11,16 +11,16 @@ from mbf_relay.parameters import ParameterSet, parameter, without_effect
 F = TypeVar("F", bound="FollowerParameters")
 
 SLOWEST = 1000.0
-"""Seconds: no robot takes longer to its top speed; its trajectories are followed until it could have stopped."""
+"""Longest time (s) from standstill to top speed: trajectories are simulated until the robot could have stopped."""
 
 
 def check_acceleration(name: str, acceleration: float, fastest: float) -> None:
-    """Refuse an acceleration with which a robot never comes to its top speed, nor to a stand.
+    """Raise ValueError for an acceleration that takes longer than SLOWEST to the top speed.
 
     Args:
-        name: Of the parameter.
+        name: The acceleration's parameter.
         acceleration: Its value (m/s^2 or rad/s^2).
-        fastest: That speed (m/s or rad/s).
+        fastest: Top speed (m/s or rad/s).
     """
     if fastest > 0.0 and acceleration * SLOWEST < fastest:
         raise ValueError(
@@ -101,11 +101,11 @@ class FollowerParameters(ParameterSet):
 
     @classmethod
     def unknown_names(cls, values: Mapping[str, Any]) -> List[str]:
-        """Return the names in `values` that mean nothing here; a rate beside them is that of the server's cycles."""
+        """Return the names in `values` that are unknown here; rates of the control loop are the server's."""
         return [name for name in super().unknown_names(values) if name not in ("controller_frequency", "sim_period")]
 
     def check(self) -> None:
-        """Refuse a motion that has a speed and no acceleration."""
+        """Raise ValueError where an axis has a top speed and no acceleration to reach it."""
         for acceleration, fastest in (
             ("acc_lim_x", max(self.max_vel_x, -self.min_vel_x)), ("acc_lim_y", max(self.max_vel_y, -self.min_vel_y)),
             ("acc_lim_theta", self.max_vel_theta),

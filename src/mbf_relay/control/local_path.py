@@ -1,4 +1,4 @@
-"""The stretch of the path a controller looks at: cut out round the robot, in the costmap's frame, with arc lengths."""
+"""The local part of the global plan: smoothed, cut out round the robot, in the costmap's frame, with arc lengths."""
 
 from __future__ import annotations
 
@@ -15,34 +15,34 @@ from mbf_relay.geometry import FARTHEST, Pose2D
 from mbf_relay.outcomes import ControlError, ControlOutcome
 from mbf_relay.planning.path import Path
 
-SPACING = 0.4  # cells between the points kept of a path; planners put them closer than a controller can use
-SMOOTHING = 2.4  # cells over which a path is averaged, which takes the steps from cell to cell out of it
-LONGEST = 1e5  # m of path, beyond which nothing is followed
-MOST_POINTS = 5_000_000  # kept of a path, however long it is and fine the grid
+SPACING = 0.4  # cells between points of the path; planners' poses may lie closer than a controller can use
+SMOOTHING = 2.4  # cells over which a path is averaged, which removes the staircase of grid planners
+LONGEST = 1e5  # m: longest path that is followed
+MOST_POINTS = 5_000_000  # points kept of a path; the spacing grows where there would be more
 
 # in robot's widths
-NEARBY = 1.0  # the robot's place on the path is looked for near the last one while it is no farther away
-FORWARD = 4.5  # how far along the path it is looked for
-ARRIVAL = 0.65  # the end of the path whose direction it goes on in beyond the goal
-FOLD_LEG = 0.5  # the way to a fold, and the way from it, by which it is seen that the path turns back
+NEARBY = 1.0  # distance from the path up to which the robot's place on it is looked for near the last one only
+FORWARD = 4.5  # how far ahead of the last place it is looked for then
+ARRIVAL = 0.65  # last part of the path, whose direction the extension beyond the goal takes
+FOLD_LEG = 0.5  # distance before and after a point by which a fold is detected there
 
-FOLD = -0.7  # the inner product of both, in squares of FOLD_LEG, below which it does: a corner of more than 135 degrees
+FOLD = -0.7  # cosine of the turn there (inner product over FOLD_LEG squared) below which it is one: above 135 degrees
 
 
 @dataclass(frozen=True)
 class LocalPath:
-    """The path round the robot up to its goal, or up to the next fold, which is the goal until the robot is there.
+    """The path near the robot up to the goal, or up to the next fold, which takes the goal's place until it is reached.
 
-    A fold is where the path turns back on itself. Beside it both legs are near the robot, and a controller that saw
-    both would stop between them.
+    A fold is a point where the path turns back on itself. Near it both legs are near the robot, and a controller that
+    saw both would stop between them.
 
     Attributes:
-        points: Shape (K, 2), K >= 2, metres in the costmap's frame; it goes on straight beyond the goal.
-        arcs: Shape (K,), metres along the whole path.
-        robot_arc: Arc length of the point nearest to the robot.
+        points: Shape (K, 2), K >= 2, metres in the costmap's frame; extended straight beyond the goal.
+        arcs: Shape (K,): arc length (m) of each point, from the beginning of the whole path.
+        robot_arc: Arc length (m) of the point nearest to the robot.
         robot_distance: Distance (m) from the robot to that point.
-        goal_arc: Arc length of the goal.
-        goal: The goal in the costmap's frame.
+        goal_arc: Arc length (m) of the goal.
+        goal: The goal's pose in the costmap's frame.
     """
 
     points: np.ndarray
@@ -58,7 +58,7 @@ class LocalPath:
         return max(0.0, self.goal_arc - self.robot_arc)
 
     def point_at(self, arc: float) -> np.ndarray:
-        """Return the point (2,) at an arc length, clipped to this stretch."""
+        """Return the point (2,) at an arc length (m), clipped to this part of the path."""
         return np.array([path_kernels.interpolate(arc, self.arcs, self.points, axis) for axis in (0, 1)])
 
     def project(self, points: np.ndarray, start: float, end: float) -> np.ndarray:
@@ -66,7 +66,7 @@ class LocalPath:
 
         Args:
             points: Shape (M, 2) in metres.
-            start, end: Only the path between these arc lengths counts.
+            start, end: Arc lengths (m) between which the path counts.
 
         Returns:
             Shape (M, 2): distance and arc length, both in metres.
@@ -82,9 +82,9 @@ class LocalPath:
         return result
 
     def first_blocked(self, checker: FootprintChecker) -> Optional[float]:
-        """Return the arc length (m) ahead at which the robot's centre cannot be, None where the stretch is free.
+        """Return the arc length (m) of the first point ahead where the robot's centre cannot be; None for none.
 
-        Points beyond the costmap count as free.
+        The part from where the path leaves the costmap counts as free.
         """
         ahead = np.flatnonzero((self.arcs >= self.robot_arc) & (self.arcs <= self.goal_arc))
         for index in ahead:
@@ -96,17 +96,17 @@ class LocalPath:
 
 
 class _Leg(NamedTuple):
-    """A path's points from one fold to the next, and where it ends."""
+    """The indices of a path's points from one fold to the next, and the pose it ends at."""
 
     part: slice
     goal: Pose2D
 
 
 class PathTracker:
-    """Holds a path and knows how far along it the robot is.
+    """Holds a path and tracks the robot's progress along it.
 
-    A path that turns back on itself is a row of legs, of which only the one counts that the robot is on; Nav2's
-    `enforce_path_inversion` does so where a car is to change its direction.
+    A path that turns back on itself is split into legs at its folds, and only the leg that the robot is on counts, as
+    with Nav2's `enforce_path_inversion`.
     """
 
     def __init__(self) -> None:
@@ -114,15 +114,15 @@ class PathTracker:
         self._points = np.zeros((0, 2))
         self._arcs = np.zeros(0)
         self._legs: List[_Leg] = []
-        self._leg = 0  # the number of the one the robot is on
+        self._leg = 0  # index of the one the robot is on
         self._robot_arc = 0.0
-        self._spacing = 0.0  # m between the points; 0 where they are still to be made
-        self._length = 0.0  # m along the path as it was given
+        self._spacing = 0.0  # m between points; 0 before _prepare
+        self._length = 0.0  # m, of the path as given
 
     def set_path(self, path: Path) -> None:
-        """Follow another path; the robot's place on it is found anew, at its beginning where it may be that.
+        """Follow another path; the robot's place on it is looked for from its beginning.
 
-        A path that comes back to where it began is driven, not ended there.
+        So a closed path is driven, not ended where it begins.
 
         Raises:
             ControlError: INVALID_PATH; the path is empty or longer than LONGEST, or a pose is not finite or beyond
@@ -156,19 +156,19 @@ class PathTracker:
 
     @property
     def is_on_last_leg(self) -> bool:
-        """Return whether no fold of the path is left to be reached."""
+        """Whether no fold of the path lies ahead."""
         return self._leg >= len(self._legs) - 1
 
     def cut(
         self, state: ControlState, behind: float, ahead: float, extension: float, tolerance: float = 0.0
     ) -> LocalPath:
-        """Return the stretch round the robot; for one beyond the end of the path, the straight way back to the goal.
+        """Return the part of the path near the robot; beyond the path's end, the straight line back to the goal.
 
         Args:
-            state: Where the robot is.
-            behind, ahead: How far (m) it reaches from the robot's place on the path.
-            extension: How far (m) it goes on beyond the goal, straight.
-            tolerance: How much (m) may be left to a fold for it to be reached.
+            state: Gives the robot's pose and the transform to the costmap's frame.
+            behind, ahead: Path (m) before and after the robot's place on it.
+            extension: Length (m) of the straight extension beyond the goal.
+            tolerance: Distance (m) along the path from which on a fold counts as reached.
         """
         robot, width = state.pose.relative_to(state.costmap_from_path), state.costmap.width
         distance, arc = self._locate(state, robot)
@@ -193,7 +193,7 @@ class PathTracker:
         )
 
     def _prepare(self, spacing: float, width: float) -> None:
-        """Thin and smooth a new path for a grid, leg by leg; `spacing` and the robot's `width` are in metres."""
+        """Thin, split into legs and smooth the path, once per path and `spacing` (m); `width` (m) is the robot's."""
         if self._spacing == spacing:
             return
         self._spacing = spacing
@@ -208,20 +208,21 @@ class PathTracker:
         self._points = np.concatenate(pieces)
         self._arcs = _arcs_along(self._points)
         ends = np.cumsum([len(piece) for piece in pieces]).tolist()
-        # the pose before a fold tells the heading it is reached with: its own may be that with which it is left
+        # a fold's own heading may be that of the next leg: take the heading of the pose before it
         goals = [Pose2D(*[*points[fold].tolist(), float(poses[kept[fold] - 1, 2])]) for fold in folds]
         self._legs = [_Leg(slice(*part), goal) for part, goal in zip(zip([0, *ends], ends), [*goals, self.path.goal])]
-        self._leg = min(self._leg, len(self._legs) - 1)  # on a coarser grid than before, fewer folds may be seen
+        self._leg = min(self._leg, len(self._legs) - 1)  # on a coarser grid, fewer folds may be detected
 
     def remaining(self, state: ControlState) -> float:
-        """Return how much (m) of the path is left from the robot's place on it."""
+        """Return the length (m) of the whole path left from the robot's place on it."""
         _distance, arc = self._locate(state, state.pose.relative_to(state.costmap_from_path))
         return float(self._arcs[-1]) - arc
 
     def _locate(self, state: ControlState, robot: Pose2D) -> tuple[float, float]:
-        """Return distance to and arc length of the robot's place: near the last one, or wherever that is far off.
+        """Return distance (m) to and arc length (m) of the robot's place on the path.
 
-        It is on another leg only where that is nearer by as much.
+        It is looked for near the last place; if the path is farther than NEARBY there, on all of the leg; and on other
+        legs, if these are nearer by NEARBY.
         """
         width = state.costmap.width
         self._prepare(SPACING * state.costmap.grid.resolution, width)
@@ -239,7 +240,7 @@ class PathTracker:
     def _nearest(
         self, place: np.ndarray, part: slice, start: float = 0.0, end: float = math.inf
     ) -> tuple[float, float]:
-        """Return distance to and arc length of the point nearest to a place, (1, 2), of a part between arc lengths."""
+        """Return distance to and arc length of the point nearest to `place`, (1, 2), between arc lengths (m)."""
         points, arcs = self._points[part], self._arcs[part]
         if len(points) == 1:
             return float(np.hypot(*(place[0] - points[0]))), 0.0
@@ -250,7 +251,7 @@ class PathTracker:
         return float(result[0, 0]), float(result[0, 1])
 
     def _way_back(self, robot: Pose2D, distance: float) -> tuple[np.ndarray, np.ndarray]:
-        """Return the straight line to the goal of a robot that is `distance` (m) beyond it or beside."""
+        """Return points and arc lengths of the straight line from a robot beyond the path's end back to the goal."""
         shares = np.linspace(0.0, 1.0, 2 + int(distance / self._spacing))
         place = np.array([robot.x, robot.y])
         points = place + shares[:, np.newaxis] * (self._points[-1] - place)
@@ -259,8 +260,7 @@ class PathTracker:
     def _extended(
         self, points: np.ndarray, arcs: np.ndarray, robot: Pose2D, extension: float, width: float
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Lengthen a stretch beyond the goal the way the path arrives there, or from the robot where it is too short.
-        """
+        """Extend the path beyond the goal in the direction of its end; if that is too short, away from the robot."""
         start, end = points[max(0, int(arcs.searchsorted(arcs[-1] - ARRIVAL * width)))], points[-1]
         direction = end - start
         if np.hypot(*direction) < 0.7 * ARRIVAL * width:
@@ -274,15 +274,14 @@ class PathTracker:
 
 
 def _thinned(poses: np.ndarray, spacing: float) -> np.ndarray:
-    """Return the numbers of poses at least `spacing` (m) apart, the last one kept."""
+    """Return the indices of poses at least `spacing` (m) apart, the last one included."""
     keep = np.empty(len(poses), dtype=np.uint8)
     path_kernels.thin(np.ascontiguousarray(poses[:, :2]), spacing, keep)
     return np.flatnonzero(keep)
 
 
 def _folds(points: np.ndarray, leg: float) -> List[int]:
-    """Return the numbers of the points, of shape (N, 2), at which a path turns back, `leg` (m) or more from its ends.
-    """
+    """Return the indices of the folds of a path of points (N, 2); none within `leg` (m) of its ends."""
     arcs = _arcs_along(points)
     inner = np.flatnonzero((arcs >= leg) & (arcs <= arcs[-1] - leg))
     before, after = (
@@ -295,9 +294,9 @@ def _folds(points: np.ndarray, leg: float) -> List[int]:
 
 
 def _smoothed(points: np.ndarray, spacing: float) -> np.ndarray:
-    """Return a path resampled at `spacing` (m) and averaged over SMOOTHING.
+    """Return a path resampled at `spacing` (m) and averaged over SMOOTHING; a short path as it is.
 
-    Its ends stay; at a right angle it passes the corner within a third of SMOOTHING.
+    Its ends stay; it passes a right-angled corner within a third of SMOOTHING.
     """
     arcs = _arcs_along(points)
     smooth = np.empty((int(arcs[-1] / spacing) + 1, 2))

@@ -9,7 +9,7 @@ import numpy as np
 
 from mbf_relay.kernels import kernel
 
-_STRETCH = 8  # pieces of a path that are passed over together
+_STRETCH = 8  # segments of a path that `project` skips together
 
 
 @kernel("void(float64[:,::1], float64, uint8[::1])")
@@ -38,7 +38,7 @@ def thin(points, spacing, keep):
 
 @kernel("void(float64[:,::1], float64[::1])")
 def measure(points, arcs):
-    """Fill the way (m) to each point, shape (N,), along points (N, 2)."""
+    """Fill `arcs`, shape (N,), with the arc length (m) at each of `points`, (N, 2)."""
     arcs[0] = 0.0
     for n in range(1, points.shape[0]):
         arcs[n] = arcs[n - 1] + math.hypot(points[n, 0] - points[n - 1, 0], points[n, 1] - points[n - 1, 1])
@@ -46,7 +46,7 @@ def measure(points, arcs):
 
 @kernel("void(float64[:,::1], float64, float64[:,::1])")
 def look_ahead(poses, way, points):
-    """Fill `points`, shape (N, 2), with what lies `way` (m) ahead of each of `poses`, shape (N, 3)."""
+    """Fill `points`, shape (N, 2), with the points `way` (m) ahead of each of `poses`, shape (N, 3)."""
     for n in range(poses.shape[0]):
         points[n, 0], points[n, 1] = poses[n, 0], poses[n, 1]
         if way != 0.0:
@@ -77,16 +77,16 @@ def interpolate(place, places, values, column):
 
 @kernel("int64(float64[:,::1], float64[::1], float64, int64, float64[:,::1])")
 def smooth(points, arcs, spacing, reach, result):
-    """Resample a path and take the mean of each point and `reach` of them to either side; return how many there are.
+    """Resample a path and average each point with `reach` points on either side; return the number of points.
 
-    The ends stay, for what lies beyond them is taken for the path mirrored there. Nothing is done, and 0 returned,
-    where it comes to less than five points.
+    The ends stay, because the path is continued beyond them by point reflection. With less than five points nothing
+    is done, and 0 returned.
 
     Args:
         points: Shape (N, 2) in metres.
-        arcs: Shape (N,), the way (m) to each of them.
-        spacing: Metres between the points of the result.
-        reach: 1 to 3.
+        arcs: Shape (N,): arc length (m) at each of them.
+        spacing: Distance (m) between points of the result.
+        reach: Points on either side, 1 to 3.
         result: Shape (M, 2), filled from the front; M is arcs[-1] / spacing and 1 more, or larger.
     """
     end = arcs[-1]
@@ -114,7 +114,7 @@ def smooth(points, arcs, spacing, reach, result):
 
 @kernel("UniTuple(float64, 2)(float64, float64, float64[:,::1], int64)")
 def _nearest_on(x, y, chords, index):
-    """Return the squared distance (m^2) of a point from a chord, see `lay_chords`, and what share of it lies before."""
+    """Return the squared distance (m^2) of a point to a chord (see `lay_chords`), and the share of it before there."""
     dx, dy = chords[index, 2], chords[index, 3]
     px = x - chords[index, 0]
     py = y - chords[index, 1]
@@ -127,13 +127,13 @@ def _nearest_on(x, y, chords, index):
 
 @kernel("void(float64[:,::1], int64, float64[:,::1])")
 def lay_chords(line, step, chords):
-    """Lay a straight piece from each `step`-th corner of a polyline to the next, and to its end.
+    """Lay chords from each `step`-th corner of a polyline to the next, and to its end.
 
     Args:
         line: Shape (K, 2) in metres, K >= 2.
-        step: 1 gives the pieces of the line themselves.
-        chords: Shape (C, 6), filled with where each begins (m), its way (m), one over its squared length, for there
-            shall be no division in loops over it, and how far (m) the line is from it at most, a hair more than needed.
+        step: Corners per chord; 1 gives the line's segments themselves.
+        chords: Shape (C, 6), filled with start x, y (m), vector x, y (m), one over its squared length (saves divisions
+            in loops), and the largest distance (m) of the line from the chord, rounded up.
     """
     end = line.shape[0] - 1
     for index in range(chords.shape[0]):
@@ -145,7 +145,7 @@ def lay_chords(line, step, chords):
         chords[index, 0], chords[index, 1] = line[first, 0], line[first, 1]
         chords[index, 2], chords[index, 3] = dx, dy
         chords[index, 4] = 1.0 / length if length > 0.0 else 0.0
-        off = 0.0  # a line is nowhere farther from a chord than at one of its corners
+        off = 0.0  # a polyline is farthest from a chord at one of its corners
         for corner in range(first + 1, last):
             off = max(off, _nearest_on(line[corner, 0], line[corner, 1], chords, index)[0])
         chords[index, 5] = math.sqrt(off) + 1e-6
@@ -155,11 +155,10 @@ def lay_chords(line, step, chords):
 def project(points, line, arcs, result):
     """Find the nearest point of a polyline for each point.
 
-    Stretches of the line that cannot hold it, for their chord is farther away than what is known to be near, are
-    passed over.
+    Groups of _STRETCH segments are skipped where their chord is too far away for them to hold it.
 
     Args:
-        points: Shape (M, 2) in metres; those that follow each other best lie near each other.
+        points: Shape (M, 2) in metres; fastest where consecutive ones lie near each other.
         line: Shape (K, 2) in metres, K >= 2.
         arcs: Shape (K,): arc length (m) at each corner of the line.
         result: Shape (M, 2): filled with the distance (m) and the arc length (m) of the nearest point; of several, the

@@ -17,10 +17,10 @@ from mbf_relay.control.report import CycleReport
 from mbf_relay.geometry import STOP, Pose2D, Twist2D
 from mbf_relay.parameters import parameter
 
-NEARER = (1.0, 0.75, 0.5, 0.35)  # shares of the lookahead distance tried, the farthest carrot first
-SLOWER = (1.0, 0.6, 0.3)  # shares of the regulated speed tried
-TIGHTEST = 0.1  # robot's widths: the least radius of an arc steered along
-STANDS = 0.01  # of the speed on an open path: what is slower, as where nothing of the path is in sight, leads nowhere
+NEARER = (1.0, 0.75, 0.5, 0.35)  # shares of the lookahead distance tried, in this order
+SLOWER = (1.0, 0.6, 0.3)  # shares of the regulated speed tried, in this order
+TIGHTEST = 0.1  # robot's widths: least radius of an arc
+STANDS = 0.01  # share of desired_linear_vel up to which no arc is driven, as with no part of the path in sight
 
 
 @dataclass(frozen=True)
@@ -72,11 +72,11 @@ class RegulatedPurePursuit(PathFollower):
     """Follows the path by arcs through a point ahead on it.
 
     Source: Macenski, Singh, Martin, Gines, "Regulated Pure Pursuit for Robot Path Tracking" (2023), equations 2 to 6.
-    Beyond it: where the arc to the carrot would touch something, nearer carrots and lower speeds are tried before it
-    gives up, so that it follows a path through gaps that an arc would cut.
+    Beyond the paper: where the arc to the lookahead point is not free, nearer points and lower speeds are tried, so
+    that it passes gaps whose corners the arc would cut.
 
     Attributes:
-        carrot: The point steered for in the last cycle, in the costmap's frame; None before.
+        carrot: The lookahead point (2,) of the last arc driven, in the costmap's frame; None before.
     """
 
     Parameters = PurePursuitParameters
@@ -89,7 +89,7 @@ class RegulatedPurePursuit(PathFollower):
 
     @property
     def lookahead(self) -> float:
-        """Distance (m) to the carrot at the present speed."""
+        """Lookahead distance (m) at the last commanded speed."""
         p = self.parameters
         if not p.use_velocity_scaled_lookahead_dist:
             return p.lookahead_dist
@@ -97,12 +97,12 @@ class RegulatedPurePursuit(PathFollower):
 
     @property
     def turn_to_path_angle(self) -> float:
-        """Heading error (rad) beyond which it turns on the spot before it drives."""
+        """rotate_to_heading_min_angle; infinite without use_rotate_to_heading."""
         p = self.parameters
         return p.rotate_to_heading_min_angle if p.use_rotate_to_heading else math.inf
 
     def drive(self, cycle: ControlCycle) -> Twist2D:
-        """Return the fastest arc to the farthest carrot that is free, or a turn towards the path where none is."""
+        """Return the fastest free arc to the farthest lookahead point, or a turn to the path where no arc is free."""
         for share in NEARER:
             carrot = self._carrot(cycle, share * cycle.horizon_scale * self.lookahead)
             curvature = _curvature_to(cycle.state.pose, carrot, TIGHTEST * cycle.state.costmap.width)
@@ -121,14 +121,14 @@ class RegulatedPurePursuit(PathFollower):
             "and its top rotational speed is 0")
 
     def report(self, cycle: ControlCycle, drove: bool) -> CycleReport:
-        """Return the arc driven, up to the carrot."""
+        """Return the report with the arc that was checked for the command."""
         plain = super().report(cycle, drove)
         if not drove or not self.command.speed():
             return plain
         return dataclasses.replace(plain, trajectory=self._arc)
 
     def _carrot(self, cycle: ControlCycle, distance: float) -> np.ndarray:
-        """Return the first point on the path, or beyond the goal, at least `distance` from the robot."""
+        """Return the first point (2,) ahead on the path or its extension at least `distance` (m) from the robot."""
         path, pose = cycle.path, cycle.state.pose
         ahead = path.arcs >= path.robot_arc
         points = path.points[ahead]
@@ -155,14 +155,14 @@ class RegulatedPurePursuit(PathFollower):
 
     @staticmethod
     def _command_for(cycle: ControlCycle, speed: float, curvature: float) -> Twist2D:
-        """Return the velocity in reach for an arc; where it cannot turn as fast as that, it drives slower."""
+        """Return the reachable velocity for an arc (m/s, 1/m); slower where it would exceed the rotational limit."""
         turn = speed * curvature
         if abs(turn) > cycle.turn:
             speed, turn = speed * cycle.turn / abs(turn), math.copysign(cycle.turn, turn)
         return cycle.window.clip(Twist2D(speed, 0.0, turn))
 
     def _is_free(self, cycle: ControlCycle, command: Twist2D) -> bool:
-        """Return whether a velocity can be held for as long as asked, and braked from in any case."""
+        """Return whether the arc is free for the time asked by the parameters, and for braking in any case."""
         p, state = self.parameters, cycle.state
         to_carrot = cycle.path.remaining / max(command.speed(), 1e-3)
         held = min(p.max_allowed_time_to_collision_up_to_carrot, to_carrot)

@@ -15,20 +15,20 @@ from mbf_relay.costmap.footprint_checker import FootprintChecker
 from mbf_relay.geometry import STOP, Pose2D, Twist2D
 from mbf_relay.outcomes import ControlError, ControlOutcome
 
-STANDING = 0.05  # of the top speed: slower than this a robot turns on the spot
-NEVER = 1 << 30  # poses: no trajectory has as many free
+STANDING = 0.05  # share of the top speed below which a robot counts as turning on the spot
+NEVER = 1 << 30  # poses needed, of a trajectory that must not be driven: more than any has free
 MOST_POSES = 1000000
-"""Poses of a batch: with as many, a cycle takes more than half a second."""
+"""Most poses of a batch: a cycle with as many takes more than half a second."""
 
 
 @dataclass(frozen=True)
 class VelocityWindow:
-    """The velocities in reach, body frame.
+    """The dynamic window: velocities reachable within a time, body frame.
 
     Attributes:
         low, high: Lowest and highest of each component.
-        still: The one that brakes as hard as can be. Where a lowest velocity is above zero it lies below the window:
-            any robot may stand.
+        still: The reachable velocity nearest to standing: braking as hard as possible. Minimum velocities above zero do
+            not apply to it, so that it may lie below `low`.
     """
 
     low: Twist2D
@@ -37,15 +37,15 @@ class VelocityWindow:
 
     @property
     def can_stand(self) -> bool:
-        """Whether the robot may stand by the end of it."""
+        """Whether the robot can stand by then."""
         return all(abs(value) <= 1e-9 for value in self.still)
 
     def clip(self, velocity: Twist2D) -> Twist2D:
-        """Return the velocity in reach that is nearest, component by component."""
+        """Return the nearest velocity of the window, component by component."""
         return Twist2D(*(min(high, max(low, value)) for low, value, high in zip(self.low, velocity, self.high)))
 
     def clip_all(self, velocities: np.ndarray) -> np.ndarray:
-        """Return `clip` of each row of velocities, shape (N, 3), to the sign of a zero."""
+        """Return `clip` of each row of velocities, shape (N, 3), with equal results down to the sign of zeros."""
         raised: np.ndarray = np.where(velocities > self.low, velocities, self.low)
         return np.where(raised < self.high, raised, self.high)
 
@@ -53,16 +53,16 @@ class VelocityWindow:
 def window_of(
     parameters: FollowerParameters, velocity: Twist2D, horizon: float, speed: float, turn: float
 ) -> VelocityWindow:
-    """Return what can be reached from `velocity` within `horizon` seconds.
+    """Return the velocities reachable from `velocity` within `horizon` seconds and the limits.
 
-    Where the present velocity is beyond a limit, the window is the least that braking leaves.
+    Where the present velocity is so far beyond a limit that this is out of reach, only the hardest braking is left.
 
     Args:
         parameters: Limits and accelerations.
-        velocity: The present velocity.
-        horizon: Seconds of acceleration.
-        speed: Top translational speed (m/s) for now.
-        turn: Top rotational speed (rad/s) for now.
+        velocity: The present velocity, body frame.
+        horizon: Time (s) of acceleration.
+        speed: Top translational speed (m/s) in this cycle.
+        turn: Top rotational speed (rad/s) in this cycle.
     """
     p = parameters
     limits = (
@@ -80,15 +80,15 @@ def window_of(
 
 
 def commandable(parameters: FollowerParameters, velocity: Twist2D, last: Twist2D) -> Twist2D:
-    """Return what a measured velocity is to a controller: no more than could have been commanded.
+    """Return a measured velocity limited to what could have been commanded.
 
-    What lies beyond, as of a wheeled robot that slips sideways, or that coasts downhill, is nothing to brake bit by
-    bit; and where odometry counts in another unit, each command would raise what is measured, and that the next one.
+    More than that, as of a robot that slips sideways or rolls downhill, cannot be reduced by braking within the
+    acceleration limits; and with odometry in a wrong unit, commands and measurements would raise each other.
 
     Args:
         parameters: Limits.
-        velocity: As odometry tells it.
-        last: The last command, which may be beyond the limits where these were lowered since.
+        velocity: Measured by odometry, body frame.
+        last: The last command; it may exceed limits that were lowered since.
     """
     p = parameters
     limits = ((p.min_vel_x, p.max_vel_x), (p.min_vel_y, p.max_vel_y), (-p.max_vel_theta, p.max_vel_theta))
@@ -99,9 +99,9 @@ def commandable(parameters: FollowerParameters, velocity: Twist2D, last: Twist2D
 
 
 def sample(parameters: DwaParameters, window: VelocityWindow, speed: float) -> np.ndarray:
-    """Return velocities of the window, shape (N, 3): evenly spaced along each component, with its ends and zero.
+    """Return samples of the window, shape (N, 3): evenly spaced in each component, with its ends and zero.
 
-    Left out are standing still and more than `speed` in all.
+    Standing still and translational speeds above `speed` (m/s) are left out. Sample counts below 2 count as 2.
     """
     p = parameters
     counts = tuple(max(2, count) for count in (p.vx_samples, p.vy_samples, p.vth_samples))
@@ -115,18 +115,16 @@ def sample(parameters: DwaParameters, window: VelocityWindow, speed: float) -> n
 
 
 def is_fastest(window: VelocityWindow, velocity: np.ndarray) -> bool:
-    """Return whether a velocity, (3,), is as fast as the window allows: the robot starts, or must be slow here."""
+    """Return whether a velocity's, (3,), translational speed is the highest of the window."""
     fastest = max(abs(window.low.x), abs(window.high.x), abs(window.low.y), abs(window.high.y))
     return bool(np.hypot(velocity[0], velocity[1]) >= fastest - 1e-4)
 
 
 def too_slow(parameters: DwaParameters, window: VelocityWindow, velocities: np.ndarray) -> np.ndarray:
-    """Tell of each velocity, (N, 3), whether it creeps.
+    """Return of each velocity, (N, 3), whether it is below both min_vel_trans and min_vel_theta, bool of shape (N,).
 
-    Translates slower than min_vel_trans, turning less than min_vel_theta.
-
-    What is as fast as the window allows does not: the robot starts, or must be slow here; nor what is as fast as it
-    ever drives in that direction. A turn on the spot is no creeping; how fast it is, is not decided by sampling.
+    Exempt are the fastest of the window (the robot starts, or has to be slow here), those at the top speed of their
+    direction, and turns on the spot, whose speed `turn_rate` decides.
     """
     p = parameters
     fastest = max(abs(window.low.x), abs(window.high.x), abs(window.low.y), abs(window.high.y))
@@ -143,15 +141,15 @@ class Trajectories:
 
     Attributes:
         velocities: Shape (N, 3): the velocity sampled.
-        commands: Shape (N, 3): the velocity to command for it now; within accelerations.
+        commands: Shape (N, 3): the velocity to command for it now, within one period's acceleration.
         poses: Shape (N, S, 3): poses after each step.
-        counts: Shape (N,): poses simulated; the trajectory stops at the goal.
-        steps: Shape (N,): seconds from pose to pose.
+        counts: Shape (N,): poses simulated; a trajectory ends where it has driven as far as the goal.
+        steps: Shape (N,): time (s) between poses.
         free: Shape (N,): poses before the first contact.
         needed: Shape (N,): poses that must be free for the robot to be able to stop.
         ends: Shape (N, 3): the last free pose, the robot's own where none is free.
-        spare: Shape (N,): metres it would drive on within sim_time, were the goal not where it stops.
-        highest_costs, summed_costs: Shape (N,): cost under the centre, over the free poses.
+        spare: Shape (N,): distance (m) it would drive on within sim_time beyond the goal.
+        highest_costs, summed_costs: Shape (N,): costmap costs at the robot's centre, over the free poses.
     """
 
     velocities: np.ndarray
@@ -171,7 +169,7 @@ class Trajectories:
 
     @property
     def driven(self) -> np.ndarray:
-        """How far (m) each drives to its end, shape (N,), were it as fast as its velocity from the start."""
+        """Distance (m) to the end of each, shape (N,), at its sampled speed from the start."""
         metres: np.ndarray = np.hypot(self.velocities[:, 0], self.velocities[:, 1]) * self.steps * self.free
         return metres
 
@@ -180,21 +178,24 @@ def roll_out(
     parameters: DwaParameters, checker: FootprintChecker, pose: Pose2D, velocity: Twist2D, velocities: np.ndarray,
     period: float, distance_left: float, sim_time: float,
 ) -> Trajectories:
-    """Simulate a batch of velocities and lay the footprint along it.
+    """Simulate a batch of velocities and check the footprint along each trajectory.
 
-    A trajectory lasts `sim_time`, or until it has driven `distance_left`: the robot would stop at the goal. Its poses
-    are as far apart as asked for, but no farther, where there is room for as many, than that nothing lies between two,
-    and where there is no room for as many as asked for, as far as that, in turning as many times as there are seconds:
-    base_local_planner's do not grow more with a longer time.
+    A trajectory lasts `sim_time`, or until it has driven `distance_left`, where the robot would stop at the goal. Of
+    three spacings of poses the first is taken that keeps the batch within MOST_POSES: the finer of the parameters'
+    granularity and the spacing at which no obstacle fits between two poses; the granularity; the coarser of the two,
+    in turns times sim_time, since base_local_planner's trajectories do not have more poses for a longer time.
 
     Args:
         parameters: Limits, granularities, stop_time_buffer and footprint scaling.
         checker: The obstacles.
-        pose, velocity: The robot now.
-        velocities: Shape (N, 3).
-        period: Seconds until the next command.
-        distance_left: Metres to the goal.
-        sim_time: How far ahead (s) trajectories reach, where stopping does not take longer.
+        pose, velocity: The robot's present pose (costmap's frame) and velocity (body frame).
+        velocities: Shape (N, 3), body frame.
+        period: Time (s) until the next command.
+        distance_left: Distance (m) to the goal.
+        sim_time: Duration (s) of trajectories, where stopping does not take longer.
+
+    Raises:
+        ControlError: INTERNAL_ERROR: there would be more than MOST_POSES.
     """
     p, number = parameters, len(velocities)
     accelerations = np.maximum(1e-9, [p.acc_lim_x, p.acc_lim_y, p.acc_lim_theta])
@@ -243,10 +244,10 @@ def roll_out(
 def _brake_free(
     parameters: DwaParameters, checker: FootprintChecker, pose: Pose2D, commands: np.ndarray, period: float
 ) -> np.ndarray:
-    """Tell of each command, (N, 3), whether the robot can still stop after it; shape (N,).
+    """Return of each command, (N, 3), whether the robot can hold it for a period and stop, bool of shape (N,).
 
-    A trajectory that accelerates leads through velocities it has not sampled: that there is room to stop from where it
-    is going says nothing of what is commanded now.
+    Needed with use_dwa false: trajectories then accelerate to the sampled velocity, and room to stop at that velocity
+    does not mean room to stop after the command that is sent now.
     """
     different, which = np.unique(commands, axis=0, return_inverse=True)
     stops = roll_out(parameters.replace(use_dwa=True), checker, pose, STOP, different, period, math.inf, 0.0)
@@ -255,7 +256,7 @@ def _brake_free(
 
 
 def require_room(trajectories: int, poses: float) -> None:
-    """Raise ControlError where a batch is more than a machine holds, and name what makes it so."""
+    """Raise ControlError INTERNAL_ERROR for a batch of more than MOST_POSES poses, naming the parameters to change."""
     if trajectories * poses > MOST_POSES:
         raise ControlError(
             ControlOutcome.INTERNAL_ERROR,
@@ -265,7 +266,7 @@ def require_room(trajectories: int, poses: float) -> None:
 
 
 def _scales(p: DwaParameters, speeds: np.ndarray) -> np.ndarray:
-    """Return the factor on the footprint at each speed: it grows from scaling_speed to max_vel_trans."""
+    """Return the factor on the footprint at each speed (m/s), (N,): it grows from scaling_speed to max_vel_trans."""
     span = p.max_vel_trans - p.scaling_speed
     if span <= 0.0:
         return np.ones_like(speeds)
@@ -276,9 +277,9 @@ def speed_to_stop_within(distance: float, acceleration: float, delay: float) -> 
     """Return the highest speed (m/s) from which braking that begins after a delay ends within a distance.
 
     Args:
-        distance: In metres; with radians in place of all metres it is for turns.
-        acceleration: How fast the robot slows down (m/s^2).
-        delay: Until it begins to (s).
+        distance: Metres, or for turns radians (and rad/s, rad/s^2).
+        acceleration: Deceleration (m/s^2).
+        delay: Time (s) until braking begins.
     """
     if distance <= 0.0:
         return 0.0
@@ -286,7 +287,7 @@ def speed_to_stop_within(distance: float, acceleration: float, delay: float) -> 
 
 
 def reachable(now: float, wanted: float, acceleration: float, period: float) -> Tuple[float, bool]:
-    """Return `wanted` limited to what one period of acceleration can make of `now`, and whether it was in reach."""
+    """Return `wanted` limited to what is reachable from `now` within a period, and whether `wanted` itself is."""
     change = acceleration * period
     value = min(now + change, max(now - change, wanted))
     return value, value == wanted

@@ -1,5 +1,5 @@
 # mypy: allow-untyped-defs, allow-untyped-calls
-"""Compiled loops over batches of trajectories: sampling, forward simulation, and what a trajectory leads to."""
+"""Compiled loops over batches of trajectories: sampling, forward simulation, ends and stopping distances."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from mbf_relay.kernels import kernel
 
 @kernel("int64(float64, float64, int64, float64[::1])")
 def axis(low, high, count, values):
-    """Fill `values` with `count` values from low to high and with zero where that lies between; return how many."""
+    """Fill `values` with `count` values from low to high, and zero if that lies between; return their number."""
     if high - low < 1e-9:
         values[0] = high
         return 1
@@ -33,13 +33,13 @@ def axis(low, high, count, values):
 
 @kernel("int64(float64[::1], float64[::1], int64[::1], float64, float64[:,::1])")
 def sample(low, high, counts, fastest, velocities):
-    """Fill `velocities` with every combination of evenly spaced components; return how many.
+    """Fill `velocities` with every combination of evenly spaced components; return their number.
 
     Args:
-        low, high: Shape (3,): the ends of each component.
-        counts: Shape (3,), each 2 or above: values along each component; zero comes besides where it lies between.
-        fastest: Speed (m/s) beyond which a combination is left out; standing still is left out as well.
-        velocities: Shape (M, 3) with room for all, filled from the front; the last component runs fastest.
+        low, high: Shape (3,): range of each component (m/s, m/s, rad/s).
+        counts: Shape (3,), each 2 or above: values of each component; zero is added where it lies between.
+        fastest: Translational speed (m/s) above which a combination is left out; standing still is left out, too.
+        velocities: Shape (M, 3) with room for all, filled from the front; the last component varies fastest.
     """
     axes = np.empty((3, counts.max() + 1))
     lengths = np.empty(3, np.int64)
@@ -63,13 +63,13 @@ def sample(low, high, counts, fastest, velocities):
 
 @kernel("void(float64[:,::1], float64[::1], float64[::1], float64, float64, float64, float64, boolean[::1])")
 def too_slow(velocities, lowest, highest, fastest, standing, least, least_turn, result):
-    """Tell of each velocity whether it creeps: slower than `least` (m/s), turning less than `least_turn` (rad/s).
+    """Mark velocities slower than `least` (m/s) that turn less than `least_turn` (rad/s); see trajectories.too_slow.
 
     Args:
         velocities: Shape (N, 3), body frame.
-        lowest, highest: Shape (2,): how fast (m/s) the robot ever drives along x and y; what is as fast does not creep.
-        fastest: Nor does what is as fast as this (m/s).
-        standing: Up to this speed (m/s) it stands, or turns on the spot, which is no creeping.
+        lowest, highest: Shape (2,): velocity limits (m/s) along x and y; velocities at these are not marked.
+        fastest: Highest speed (m/s) of the window; velocities of that speed are not marked.
+        standing: Speed (m/s) up to which a velocity counts as a turn on the spot and is not marked.
         least, least_turn: See above.
         result: Shape (N,), filled.
     """
@@ -99,21 +99,21 @@ def time_spans(
     stopping,
     durations,
 ):
-    """Find how long each trajectory is followed; return the most steps any of them takes.
+    """Find the duration of each trajectory; return the largest number of steps.
 
-    It is followed for `sim_time`, or for as long as the slowest to stop needs for that; but no farther than
-    `distance_left`, where the robot can have stopped by then.
+    It is `sim_time`, or the longest stopping time of the batch if that is more; but no more than `distance_left` takes,
+    unless stopping takes longer.
 
     Args:
         velocities: Shape (N, 3), body frame.
         accelerations: Shape (3,), all above 0.
-        delay: Seconds before braking begins.
+        delay: Time (s) before braking begins.
         sim_time: Seconds.
-        distance_left: Metres to the goal.
-        granularity: Most metres per step.
-        angular_granularity: Most radians per step.
+        distance_left: Distance (m) to the goal.
+        granularity: Largest step (m).
+        angular_granularity: Largest step (rad).
         speeds: Shape (N,): filled with the translational speed (m/s).
-        stopping: Shape (N,): filled with the time (s) until the robot could have stopped, braking over half of it.
+        stopping: Shape (N,): filled with the time (s) at constant velocity that covers the delay and the way to brake.
         durations: Shape (N,): filled with seconds.
     """
     longest_stop = 0.0
@@ -139,19 +139,19 @@ def time_spans(
     "float64[::1], float64, float64[:,::1], int64[::1], float64[::1])"
 )
 def outlook(pose, poses, counts, free, steps, stopping, durations, speeds, sim_time, ends, needed, spare):
-    """Tell of each trajectory where it ends, how much of it must be free, and how much farther it would lead.
+    """Find of each trajectory its end, the number of poses that must be free, and the distance beyond the goal.
 
     Args:
-        pose: Shape (3,): the robot now.
+        pose: Shape (3,): the robot's present pose.
         poses: Shape (N, S, 3).
         counts, free: Shape (N,): poses of each trajectory, and those before its first contact.
-        steps: Shape (N,): the length of a step (s).
+        steps: Shape (N,): duration of a step (s).
         stopping, durations: Shape (N,): seconds, from `time_spans`.
         speeds: Shape (N,): m/s.
         sim_time: Seconds.
         ends: Shape (N, 3): filled with the last free pose, the robot's own where none is free.
         needed: Shape (N,): filled with the poses that must be free for the robot to be able to stop.
-        spare: Shape (N,): filled with the metres it would drive on within sim_time, where it is free throughout.
+        spare: Shape (N,): filled with the distance (m) left to drive within sim_time; 0 where it is not all free.
     """
     for n in range(poses.shape[0]):
         for component in range(3):
@@ -176,11 +176,11 @@ def simulate(pose, velocity, accelerations, targets, durations, granularity, ang
         accelerations: Shape (3,), all above 0.
         targets: Shape (N, 3): velocities in the body frame.
         durations: Shape (N,) in seconds.
-        granularity: Most metres per step.
-        angular_granularity: Most radians per step.
+        granularity: Largest step (m).
+        angular_granularity: Largest step (rad).
         poses: Shape (N, S, 3): filled with the pose after each step, counts[n] of them.
         counts: Shape (N,): filled with the number of steps, 1 to S.
-        steps: Shape (N,): filled with the length of a step (s).
+        steps: Shape (N,): filled with the duration of a step (s).
     """
     at_once = math.isnan(velocity[0])
     most = poses.shape[1]

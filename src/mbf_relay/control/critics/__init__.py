@@ -1,4 +1,4 @@
-"""Critics: each says of a whole batch of trajectories what one thing about them costs, or rules them out."""
+"""Critics of DWA: each scores a batch of trajectories by one criterion, or rules trajectories out."""
 
 CRITICS = {
     "oscillation": "mbf_relay.control.critics.oscillation.Oscillation",

@@ -1,4 +1,4 @@
-"""The abstract critic and what it is shown."""
+"""The abstract critic and the data it scores by."""
 
 from __future__ import annotations
 
@@ -16,22 +16,23 @@ from mbf_relay.geometry import Pose2D, Twist2D
 from mbf_relay.plugins import Plugin
 
 RULED_OUT = np.inf
+"""Score of a trajectory that must not be driven."""
 
 
 @dataclass(frozen=True)
 class CriticData:
-    """What every critic may look at in one cycle.
+    """The data of one cycle that critics score by.
 
     Attributes:
         now: Time (s) at which the robot is at `pose`, where trajectories begin: later than the cycle by its delay.
         pose: The robot in the costmap's frame.
-        velocity: The velocity the robot is at, body frame.
-        path: The path round the robot.
+        velocity: Present velocity, body frame.
+        path: The part of the path near the robot.
         checker: The obstacles.
-        window: The velocities in reach.
-        horizon_scale: Factor on all lengths looked ahead: 1 in the open, less where it is narrow.
-        measured: Where ends of trajectories lie along the path, kept for critics that ask for the same: the batch and
-            its figures, by how far (m) ahead of the robot's centre the point lies; see `distances._OnPath`.
+        window: The dynamic window.
+        horizon_scale: Factor on distances looked ahead: 1 in open space, less where the path is narrow.
+        measured: Cache of projections on the path, shared by critics: the batch and its result, by the distance (m) of
+            the measured point ahead of the robot's centre; see `distances._OnPath`.
     """
 
     now: float
@@ -50,20 +51,21 @@ class CriticData:
 
 
 class Critic(Plugin, abc.ABC):
-    """Scores trajectories by one point of view; the lowest sum over all critics wins.
+    """Scores trajectories by one criterion; the trajectory with the lowest sum over all critics wins.
 
-    A critic that remembers nothing implements `scale` and `score`; one that does (the oscillation flags) also hears
-    which trajectory was driven, and when the path changed. Its parameters are the controller's.
+    A critic without a memory implements `scale` and `score`; one with a memory (such as oscillation) also implements
+    `driven` and `reset`. Its parameters are the controller's.
 
     Attributes:
-        judges_place: Whether its scores tell how good a place a trajectory ends at. A winner that is no better there
-            than standing still is not driven: the robot would creep to and fro.
-        judges_way: Whether its scores tell what a trajectory passes. Who stands passes nothing, and would never come to
-            a narrower place: where that holds a robot whose path is free, only what is ruled out counts.
-        yields_where_held: Whether it is left out where its scores hold the robot that could get on: at a bend the
-            forward point may be as near to the path as it gets where the robot stands.
-        passes_by_itself: Whether what it objects to goes away in time: a robot that it alone holds waits.
-        rules_out_contacts: Whether it rules out what touches; who lists no such critic is warned.
+        judges_place: Whether its scores tell how good the place is that a trajectory ends at. A winner that by these
+            scores is no better than standing still is not driven: the robot would creep to and fro.
+        judges_way: Whether its scores are of what a trajectory passes, which is nothing for standing still. Where such
+            costs keep a robot with a free path standing, only what the critic rules out counts.
+        yields_where_held: Whether it is left out where its scores keep the robot standing: at a bend, say, the forward
+            point may be nearest to the path while the robot stands.
+        passes_by_itself: Whether what it rules out for becomes free in time: a robot that stands because of it alone
+            waits.
+        rules_out_contacts: Whether it rules out collisions; a list of critics without such a one causes a warning.
     """
 
     Parameters = DwaParameters
@@ -84,7 +86,7 @@ class Critic(Plugin, abc.ABC):
         """Return the cost of each trajectory, shape (N,): 0 or above, RULED_OUT for one that must not be driven."""
 
     def driven(self, command: Twist2D, data: CriticData) -> None:
-        """Hear what is commanded in this cycle."""
+        """Note what is commanded in this cycle."""
 
     def reset(self) -> None:
-        """Forget what was remembered: the goal is a new one."""
+        """Forget what was remembered, for a new goal."""

@@ -1,8 +1,8 @@
-"""The critics of place: how far a trajectory ends from the path and from the goal.
+"""Critics of a trajectory's end: its distance from the path and from the goal.
 
-Both are asked of the robot's centre and of its forward point.
+Both exist for the robot's centre and for its forward point.
 
-Source: base_local_planner's MapGridCostFunction as DWAPlanner uses it. Where that counts cells of a flooded grid, these
+Source: base_local_planner's MapGridCostFunction as DWAPlanner uses it. Where that counts cells of a wavefront, these
 measure metres along and across the path itself, so scores change smoothly and a robot on a straight path does not hunt
 between cells. As there, the cost is taken at a trajectory's end, and 1 m weighs as much as there.
 """
@@ -18,13 +18,13 @@ from mbf_relay.control.critics.critic import Critic, CriticData
 from mbf_relay.control.trajectories import Trajectories
 from mbf_relay.geometry import normalize_angles
 
-LOOK_BACK = 1.3  # robot's widths of path behind the robot that still count
-MARGIN = 0.9  # robot's widths of path beyond what a trajectory can reach that still count
-CUT = math.sqrt(2.0)  # path that a trajectory gets along per metre driven where it cuts a right-angled corner
+LOOK_BACK = 1.3  # robot's widths of path behind the robot on which ends are projected
+MARGIN = 0.9  # robot's widths of path beyond a trajectory's reach on which ends are projected
+CUT = math.sqrt(2.0)  # most progress along the path per metre driven: cutting a right-angled corner
 
 
 class _OnPath(Critic):
-    """Measures the ends of trajectories, moved forward by `_shift`, against the path."""
+    """Projects the ends of trajectories, moved forward by `_shift`, on the path."""
 
     judges_place = True
 
@@ -33,11 +33,11 @@ class _OnPath(Critic):
         return 0.0
 
     def _measure(self, trajectories: Trajectories, data: CriticData) -> np.ndarray:
-        """Return distance across and arc length along the path of each end, shape (N, 2)."""
+        """Return distance from and arc length (m) along the path of each end, shape (N, 2)."""
         return self._measure_at(self._shift(data), trajectories, data)
 
     def _measure_at(self, shift: float, trajectories: Trajectories, data: CriticData) -> np.ndarray:
-        """Return that for the points `shift` metres ahead of the ends."""
+        """Return `_measure` for the points `shift` metres ahead of the ends."""
         held = data.measured.get(shift)
         if held is not None and held[0] is trajectories:
             return held[1]
@@ -51,10 +51,10 @@ class _OnPath(Critic):
         return result
 
     def _farthest(self, trajectories: Trajectories, data: CriticData, shift: float) -> np.ndarray:
-        """Return the arc length each end can be at, shape (N,): as far as it drove, and cut corners, but no farther.
+        """Return the largest arc length (m) each end can be at, shape (N,), by the distance driven and cut corners.
 
-        A path that folds back lies beside the robot once more, much farther along. To be near that is no progress: the
-        robot would stand where its forward point is near both ways, for to drive on is to go back on the other one.
+        Where a path folds back, a part much farther along lies beside the robot. Being near to that is no progress: the
+        robot would stand where its forward point is near both parts, since driving on means going back on the other.
         """
         if shift != 0.0:
             return self._measure_at(0.0, trajectories, data)[:, 1] + (abs(shift) + MARGIN * data.width)
@@ -87,7 +87,7 @@ class GoalDistance(_OnPath):
         return self.parameters.goal_distance_bias
 
     def score(self, trajectories: Trajectories, data: CriticData) -> np.ndarray:
-        """Return metres; relative to what is in reach, so that figures do not grow with the path."""
+        """Return metres, relative to what is in reach, so that scores do not grow with the path's length."""
         farthest = (
             data.path.robot_arc + self.parameters.max_vel_trans * self.parameters.sim_time + abs(self._shift(data))
         )
@@ -99,9 +99,8 @@ class GoalDistance(_OnPath):
 class Alignment(PathDistance):
     """Charges the distance (m) from the forward point at a trajectory's end to the path: the robot faces along it.
 
-    Near the goal it falls silent, as in DWAPlanner: the forward point would have to be beyond the path's end. It does
-    so over as much path again, on which the forward points of full trajectories are beyond the goal already, so that
-    the turning does not jump where the robot comes that near.
+    Near the goal, where the forward point lies beyond the path's end, its weight is 0, as in DWAPlanner. It falls to 0
+    linearly from twice that distance on, so that the rotational velocity does not jump.
     """
 
     yields_where_held = True
@@ -110,7 +109,7 @@ class Alignment(PathDistance):
         return self.parameters.forward_point_distance * data.horizon_scale
 
     def score(self, trajectories: Trajectories, data: CriticData) -> np.ndarray:
-        """Return metres, less near the goal and in the end 0."""
+        """Return metres, scaled down near the goal."""
         shift = self._shift(data)
         silent = abs(shift) * math.sqrt(self.parameters.cheat_factor)
         beyond = _distance_to_goal(data) - silent

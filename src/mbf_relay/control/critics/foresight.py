@@ -1,4 +1,4 @@
-"""The critic of foresight."""
+"""The critic of predicted moving obstacles."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from mbf_relay.control.trajectories import Trajectories
 
 
 class ForesightCost(Critic):
-    """Charges meeting what moves, the more the sooner, and rules out what the robot could not stop from before.
+    """Charges contacts with predicted moving obstacles, earlier ones more, and rules out those it could not stop for.
 
-    A robot that stands in somebody's way has a reason to step aside by it: standing is charged like every trajectory.
+    Standing still is charged like every trajectory, so that a robot in somebody's way steps aside.
     """
 
     judges_place = True

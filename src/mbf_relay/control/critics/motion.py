@@ -1,4 +1,4 @@
-"""The critics of motion: turning, driving backwards, changing one's mind."""
+"""Critics of velocities: turning, driving backwards, changes of the turn, and low speeds."""
 
 from __future__ import annotations
 
@@ -27,14 +27,14 @@ class Twirling(Critic):
 
 
 class PreferForward(Critic):
-    """Charges driving backwards, by its share of the top speed.
+    """Charges driving backwards, as a share of the top speed.
 
     Source: base_local_planner's PreferForwardCostFunction, without its charge on turning, which is Twirling's.
     """
 
     @property
     def scale(self) -> float:
-        """prefer_forward_scale, in the path critic's unit."""
+        """prefer_forward_scale, times path_distance_bias."""
         return self.parameters.prefer_forward_scale * self.parameters.path_distance_bias
 
     def score(self, trajectories: Trajectories, data: CriticData) -> np.ndarray:
@@ -43,11 +43,11 @@ class PreferForward(Critic):
 
 
 class Steady(Critic):
-    """Charges a change of the rotational velocity (rad/s), so that noise of the pose does not become unrest."""
+    """Charges changes of the rotational velocity (rad/s), so that noise of the pose does not cause swinging."""
 
     @property
     def scale(self) -> float:
-        """steady_scale, in the path critic's unit."""
+        """steady_scale, times path_distance_bias."""
         return self.parameters.steady_scale * self.parameters.path_distance_bias
 
     def score(self, trajectories: Trajectories, data: CriticData) -> np.ndarray:
@@ -57,17 +57,17 @@ class Steady(Critic):
 
 
 class CounterSteering(Critic):
-    """Charges turning to the other side than the robot turned last, less where it is narrow.
+    """Charges turning to the other side than last, less in narrow places.
 
-    The charge is the same from WHOLE on, and the side is the other one once it was worth it: a robot goes straight on
-    rather than after each bend of a path by a degree or two, and a bend worth more than that it takes as it is.
+    The charge is constant from WHOLE on. So the robot drives straight past bends of a degree or two, and takes
+    larger ones as they are, since after the first such command the sides are swapped.
 
-    A new goal is no reason to forget the side: goals that replace each other find a robot that drives.
+    It keeps the side for a new goal, because goals that replace each other come while the robot drives.
     """
 
-    STRAIGHT = 0.02  # of the top rotational speed: a slower turn has no side
-    WHOLE = 0.04  # of the top rotational speed: a turn from which on all is charged
-    TURNED = 0.25  # rad: within sim_time by the turns in reach; of a robot that can turn less than that less is charged
+    STRAIGHT = 0.02  # share of the top rotational speed up to which a command counts as straight
+    WHOLE = 0.04  # share of the top rotational speed from which on the charge is full
+    TURNED = 0.25  # rad that the window can turn within sim_time, below which the charge is reduced in proportion
 
     def __init__(self, name: str, parameters: DwaParameters) -> None:
         super().__init__(name, parameters)
@@ -75,7 +75,7 @@ class CounterSteering(Critic):
 
     @property
     def scale(self) -> float:
-        """counter_steering_scale, in the path critic's unit."""
+        """counter_steering_scale, times path_distance_bias."""
         return self.parameters.counter_steering_scale * self.parameters.path_distance_bias
 
     def score(self, trajectories: Trajectories, data: CriticData) -> np.ndarray:
@@ -86,21 +86,21 @@ class CounterSteering(Critic):
         return np.asarray(data.horizon_scale * min(1.0, reach / self.TURNED) * charge)
 
     def driven(self, command: Twist2D, data: CriticData) -> None:
-        """Note the side."""
+        """Note the side of a turn."""
         if abs(command.theta) > self.STRAIGHT * self.parameters.max_vel_theta:
             self._side = math.copysign(1.0, command.theta)
 
 
 class Slow(Critic):
-    """Charges creeping: translation below min_vel_trans with a turn below min_vel_theta.
+    """Charges velocities below both min_vel_trans and min_vel_theta.
 
-    dwa_local_planner leaves them out altogether. With a minimum turn as high as the tutorials' that leaves a robot in a
-    narrow place the choice between a spin and nothing, and it hunts; here they are for where nothing else serves.
+    dwa_local_planner does not sample them. With the tutorials' high min_vel_theta that leaves a robot in a narrow
+    place a fast turn or nothing, so that it oscillates; here they are used where nothing else is possible.
     """
 
     @property
     def scale(self) -> float:
-        """slow_scale, in the path critic's unit."""
+        """slow_scale, times path_distance_bias."""
         return self.parameters.slow_scale * self.parameters.path_distance_bias
 
     def score(self, trajectories: Trajectories, data: CriticData) -> np.ndarray:

@@ -10,15 +10,14 @@ from mbf_relay.costmap.cost_grid import INSCRIBED
 
 
 class ObstacleCost(Critic):
-    """Rules out what the robot could not stop from, and charges the highest cost the robot's centre passes.
+    """Rules out trajectories that collide before the robot could stop, and charges the highest cost under its centre.
 
-    Source: base_local_planner's ObstacleCostFunction. Where that discards every trajectory that touches anything within
-    sim_time, this one discards those that touch before the robot could have stopped, with stop_time_buffer to spare;
-    one that touches later is worth what it reaches until then, at the cost of an inscribed cell. Where the costmap ends
-    nothing is touched: one that leads on from there is worth what it reaches on it, at no cost.
+    Source: base_local_planner's ObstacleCostFunction. That one discards every trajectory that collides within sim_time.
+    Here only those are discarded that collide before the robot could have stopped, with stop_time_buffer; one that
+    collides later counts up to there, at the cost of an inscribed cell. A trajectory that leaves the costmap counts up
+    to its edge, without an extra cost.
 
-    Where the footprint touches already, for an obstacle came near or was seen late, what touches no more than now is
-    left.
+    Where the footprint touches already, trajectories remain that touch no more than now.
     """
 
     judges_way = True
@@ -26,7 +25,7 @@ class ObstacleCost(Critic):
 
     @property
     def scale(self) -> float:
-        """occdist_scale, and above 0 in any case: safety has no switch."""
+        """occdist_scale, and above 0 in any case: a critic of weight 0 would not rule out collisions."""
         return max(self.parameters.occdist_scale, 1e-9)
 
     def score(self, trajectories: Trajectories, data: CriticData) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""The oscillation critic: no way back until the robot has got somewhere."""
+"""The oscillation critic: no second reversal of a motion until the robot has moved far enough."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ COMPONENTS = ("x", "y", "theta")
 class Oscillation(Critic):
     """Rules out reversing a motion a second time before the robot has moved or turned far enough.
 
-    Driving forward and back counts always; strafing and turning count only while the robot does not drive forward, for
-    then they are no steering. A component that turned back is banned from turning again until the robot has moved
-    oscillation_reset_dist or turned oscillation_reset_angle from where that was. A robot that a ban alone holds could
-    never get that far, so there bans yield; DWAPlanner lifts them with each new path.
+    Reversals along x count always; those sideways and of the rotation only while the robot drives no faster than
+    min_vel_trans, since otherwise they are steering. A component that was reversed may not be reversed again until the
+    robot has moved oscillation_reset_dist or turned oscillation_reset_angle from there. A ban that keeps the robot
+    standing yields, since it could never get that far; DWAPlanner lifts bans with each new plan.
 
     Source: base_local_planner's OscillationCostFunction.
     """
@@ -35,12 +35,12 @@ class Oscillation(Critic):
 
     @property
     def scale(self) -> float:
-        """1: it only rules out."""
+        """1; it only rules out."""
         return 1.0
 
     @property
     def bans(self) -> Dict[str, int]:
-        """The component that may only go one way, each with the sign (+1, -1) it may have."""
+        """The components that may go one way only, each with the sign (+1, -1) allowed."""
         return dict(self._allowed)
 
     def score(self, trajectories: Trajectories, data: CriticData) -> np.ndarray:
