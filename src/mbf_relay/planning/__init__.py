@@ -1,4 +1,4 @@
-"""Global planning: from where the robot stands to where it should be, over a costmap."""
+"""Global planning: paths from the robot's pose to a goal over a costmap."""
 
 PLANNERS = {
     "carrot_planner/CarrotPlanner": "mbf_relay.planning.carrot.CarrotPlanner",
@@ -16,4 +16,4 @@ PLANNERS = {
         "mbf_relay.planning.stand_ins.NavfnStandIn",
     ),
 }
-"""Type names in parameter files and the classes that do that job here; a former name stands for the present one."""
+"""The class that implements each planner type which parameter files may name; a former name maps to the present one."""

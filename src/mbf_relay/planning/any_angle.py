@@ -1,4 +1,4 @@
-"""A planner of straight lines at any angle, cheaper than any path from cell to cell."""
+"""Any-angle planner: straight lines in any direction, for paths cheaper than those from cell to cell."""
 
 from __future__ import annotations
 
@@ -20,9 +20,10 @@ from mbf_relay.planning.search.incremental_field import CostToGo, FastMarchingPo
 from mbf_relay.planning.weights import global_planner_weights
 
 PASSES = 60
+"""Passes of string pulling, at most."""
 TRUSTED = 0.01
-"""Share by which a potential may tell more than the line found down it counts, and be trusted with which way round
-an obstacle is the shorter. It errs most where paths are a few cells long, and at every corner.
+"""Share by which the potential at the start may exceed the cost of the straightened path. Above it the potential is too
+coarse to tell on which side of an obstacle the way is shorter; it errs most on paths of a few cells, and at corners.
 """
 
 
@@ -47,9 +48,9 @@ class AnyAngleParameters(ParameterSet):
 class AnyAnglePlanner(GridPlanner):
     """Straightens the path down a fast-marching potential by string pulling.
 
-    Where the potential is too coarse, see TRUSTED, it straightens the cheapest path over 8-connected steps
-    as well, and takes the cheaper. Lines count their length in each cell times the cell's weight, so that string
-    pulling never makes a path count more (compare Theta*: Daniel, Nash, Koenig and Felner, 2010).
+    Where the potential is too coarse, see TRUSTED, it straightens the cheapest path over 8-connected steps as well, and
+    takes the cheaper of both. A line costs its length in each cell times the cell's weight, and string pulling never
+    raises a path's cost (compare Theta*: Daniel, Nash, Koenig and Felner, 2010).
     """
 
     Parameters = AnyAngleParameters
@@ -83,7 +84,7 @@ class AnyAnglePlanner(GridPlanner):
 
 
 def _pulled(costmap: CostGrid, weights: np.ndarray, points: np.ndarray) -> Tuple[np.ndarray, float]:
-    """Return a path's points (m), shape (N, 2), pulled taut, and what it counts then."""
+    """Return a path's points, (N, 2) in metres, after string pulling, and the path's cost."""
     grid = costmap.grid
     place = (grid.origin_x, grid.origin_y, grid.resolution)
     cells = np.empty(points.shape)
@@ -96,7 +97,7 @@ def _pulled(costmap: CostGrid, weights: np.ndarray, points: np.ndarray) -> Tuple
 
 
 def spaced(points: np.ndarray, spacing: float) -> np.ndarray:
-    """Return a path with points along its lines, no farther apart than `spacing` (m); its own points stay."""
+    """Return a path, (N, 2) in metres, with points added so that no two in a row are over `spacing` (m) apart."""
     parts = np.empty(len(points) - 1, dtype=np.int64)
     along = np.empty((points_kernels.split(points, spacing, parts) + 1, 2))
     points_kernels.spread_along(points, parts, along)

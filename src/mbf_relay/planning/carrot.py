@@ -1,4 +1,4 @@
-"""The carrot planner: straight for the goal, as near to it as the robot fits."""
+"""The carrot planner: a straight line towards the goal, up to where the footprint fits (carrot_planner)."""
 
 from __future__ import annotations
 
@@ -29,9 +29,9 @@ class CarrotParameters(ParameterSet):
 
 
 class CarrotPlanner(Planner):
-    """Leads along the straight line to the goal, up to the place nearest to it at which the footprint lies free.
+    """Plans the straight line to the goal, ending at the point nearest to the goal where the footprint is free.
 
-    As in carrot_planner the line itself may cross obstacles: it is for users who want the local planner to see to them.
+    As in carrot_planner the line itself may cross obstacles, which are left to the local planner.
 
     Source: carrot_planner/CarrotPlanner.
     """
@@ -43,13 +43,13 @@ class CarrotPlanner(Planner):
         self, costmap: CostGrid, start: Pose2D, goal: Pose2D, tolerance: float, cancelled: Cancellation
     ) -> Path:
         request.require_finite(start, goal)
-        request.start_cell(costmap, start)  # refuses one that is off the map
+        request.start_cell(costmap, start)  # raises for one that is off the map
         grid = costmap.grid
         distance = start.distance_to(goal)
         step = self.parameters.step_size or grid.resolution
-        nearest = min(distance, self.parameters.min_dist_from_robot)  # the goal itself is tried however near it is
-        reach = math.hypot(grid.width, grid.height) * grid.resolution + costmap.width  # no place on the grid is farther
-        beyond = max(0, math.ceil((distance - reach) / step))  # places not tried: a goal may be 10000 km away
+        nearest = min(distance, self.parameters.min_dist_from_robot)  # the goal itself is always tried
+        reach = math.hypot(grid.width, grid.height) * grid.resolution + costmap.width  # m, to the farthest cell
+        beyond = max(0, math.ceil((distance - reach) / step))  # points not tried: a goal may be 10000 km away
         tried = np.arange(distance - beyond * step, nearest - 1e-9, -step)
         heading = math.atan2(goal.y - start.y, goal.x - start.x)
         line = np.column_stack((
@@ -69,7 +69,7 @@ class CarrotPlanner(Planner):
 
 
 def _lies_within(costmap: CostGrid, poses: np.ndarray) -> np.ndarray:
-    """Return of each pose, (N, 3), whether the costmap covers its place."""
+    """Return which poses, (N, 3), lie in the costmap: (N,), bool."""
     grid = costmap.grid
     columns, rows = (poses[:, 0] - grid.origin_x) / grid.resolution, (poses[:, 1] - grid.origin_y) / grid.resolution
     return (columns >= 0) & (columns < grid.width) & (rows >= 0) & (rows < grid.height)

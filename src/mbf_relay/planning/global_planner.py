@@ -1,4 +1,4 @@
-"""The planner that stands in for global_planner: every choice of it by name, over the package's fields."""
+"""The planner for global_planner/GlobalPlanner, with its parameters, on this package's own searches."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ class GlobalPlannerParameters(ParameterSet):
 
 
 class GlobalPlanner(GridPlanner):
-    """Plans over a fast-marching potential or over 8-connected steps, down the slope or from cell to cell."""
+    """Descends a fast-marching potential, or, with use_grid_path, follows the cheapest 8-connected steps."""
 
     Parameters = GlobalPlannerParameters
     parameters: GlobalPlannerParameters
@@ -91,7 +91,16 @@ class GlobalPlanner(GridPlanner):
 def follow_steps(
     steps: CostToGo, query: SearchQuery, all_around: bool = False
 ) -> Optional[Tuple[np.ndarray, float]]:
-    """Return points in metres and the cost of the cheapest way from cell to cell, None where there is none."""
+    """Return points, (N, 2) in metres, and the cost of the cheapest 8-connected path, None where there is none.
+
+    Args:
+        steps: The field, which is kept between plans.
+        query: Start, goal and snapshot.
+        all_around: As for `IncrementalField.reach`.
+
+    Raises:
+        PlanningError: CANCELED.
+    """
     costmap = query.costmap
     if not steps.reach(
         costmap.costs, query.weights, query.start_cell, query.goal_cell, query.cancelled, costmap.revision, all_around):

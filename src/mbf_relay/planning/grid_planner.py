@@ -1,4 +1,4 @@
-"""The frame of every planner over a grid: checks, tolerance, a search of the planner's own, headings."""
+"""Base class of planners that search a grid: checks, tolerance and headings, around a search of the planner's own."""
 
 from __future__ import annotations
 
@@ -21,18 +21,18 @@ from mbf_relay.planning.weights import shy_of_narrow_places
 
 Cell = Tuple[int, int]
 SAME = 1e-9
-"""Metres each way, within which two points are the same."""
+"""Metres in x and in y within which two points count as equal."""
 
 
 @dataclass(frozen=True)
 class SearchQuery:
-    """What a search is asked for, both ends on free cells.
+    """Arguments of a search; start and goal lie in cells that may be entered.
 
     Attributes:
         costmap: The snapshot to plan on.
-        start, goal: Where from and where to, in the costmap's frame.
-        start_cell, goal_cell: The cells they lie in.
-        weights: What crossing a cell of each cost counts here: the planner's, more where the robot hardly fits.
+        start, goal: Poses in the costmap's frame.
+        start_cell, goal_cell: Their cells, (column, row).
+        weights: Shape (256,): weight of each cost, see `GridPlanner.weights`, raised where the robot hardly fits.
         cancelled: Stops the search when set.
     """
 
@@ -46,36 +46,36 @@ class SearchQuery:
 
 
 class GridPlanner(Planner):
-    """A planner that searches the cells of a costmap; derive, and give `weights` and `search`.
+    """A planner that searches the cells of a costmap; derived classes implement `weights` and `search`.
 
-    Paths are led round passages narrower than the robot, see `passage.lead_round`: where the footprint would touch, the
-    search is asked again on a snapshot in which these cells are closed, within the one plan it is asked for.
+    Paths avoid passages narrower than the robot, see `passage.lead_round`: where the footprint would touch, `search` is
+    called again, within the same plan, on a snapshot in which these cells are blocked.
 
-    The parameters have a `default_tolerance` (m), which holds where a request's own tolerance is smaller.
+    The parameters need a `default_tolerance` (m), used where a request's own tolerance is smaller.
     """
 
     def __init__(self, name: str, parameters: Any) -> None:
         super().__init__(name, parameters)
-        self.wants_potential = False  # in the present plan: somebody looks at the potential
+        self.wants_potential = False  # whether a watcher wants the present plan's potential
 
     @abc.abstractmethod
     def weights(self) -> np.ndarray:
-        """Return what crossing a cell of each cost counts: shape (256,), float32, 0 where it may not be entered."""
+        """Return the path cost per cell of length for each cell cost: (256,), float32, 0 where it is not entered."""
 
     @abc.abstractmethod
     def search(self, query: SearchQuery) -> Optional[Tuple[np.ndarray, float]]:
-        """Return points from start to goal, (N, 2) in metres, both included, and the cost; None where there is no way.
+        """Return a path's points, (N, 2) in metres, start and goal included, and its cost; None where there is no path.
 
         Raises:
             PlanningError: CANCELED.
         """
 
     def orient(self, points: np.ndarray, start: Pose2D, goal: Pose2D) -> np.ndarray:
-        """Return poses (N, 3) over a path's points (N, 2)."""
+        """Return the poses, (N, 3), of a path, given its points, (N, 2) in metres."""
         return oriented(points, start, goal, OrientationMode.FORWARD)
 
     def potential(self) -> Optional[np.ndarray]:
-        """Return the field of the last search, shape (height, width), 0 where nothing is known; None before one."""
+        """Return the potential of the last search, shape (height, width), 0 where unknown; None before the first."""
         return None
 
     def plan(
@@ -119,9 +119,13 @@ class GridPlanner(Planner):
         self, costmap: CostGrid, weights: np.ndarray, start: Pose2D, start_cell: Cell, goal: Pose2D, tolerance: float,
         cancelled: Cancellation,
     ) -> Tuple[Tuple[np.ndarray, float], Pose2D]:
-        """Return the way to the goal, and the goal it leads to.
+        """Return points and cost of a path, as `search` does, and the pose it ends at.
 
-        With a tolerance that is another place near it where it is blocked, out of reach or no room for the robot.
+        With a tolerance that pose may lie near the goal: where the goal is blocked, cannot be reached, or has no room
+        for the footprint.
+
+        Raises:
+            PlanningError: OUT_OF_MAP, BLOCKED_GOAL, NO_PATH_FOUND or CANCELED.
         """
         goal_cell = costmap.grid.cell_at(goal.x, goal.y)
         error: Optional[PlanningError] = None
@@ -152,7 +156,8 @@ class GridPlanner(Planner):
 
 
 def _without_repeats(points: np.ndarray) -> np.ndarray:
-    """Return points without those that equal the one before: a heading needs two that differ."""
+    """Return points, (N, 2), without those equal to the one before, which would have no direction; the last one stays.
+    """
     if points_kernels.are_apart(np.ascontiguousarray(points, dtype=float), SAME):
         return points
     moved = (np.abs(points[1:] - points[:-1]) > SAME).any(axis=1)

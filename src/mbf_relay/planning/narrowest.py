@@ -1,4 +1,4 @@
-"""Where the widest way is narrowest: what to say of a robot that fits through no gap."""
+"""The bottleneck of the widest path: tells the user of a failed plan which gap is too narrow for the robot."""
 
 from __future__ import annotations
 
@@ -13,15 +13,16 @@ from mbf_relay.geometry import Pose2D
 from mbf_relay.planning.planner import Cancellation
 from mbf_relay.planning.search import reach_kernels
 
-FITS = 254  # of the levels room is told in: as much as the robot needs
+FITS = 254
+"""Level of room, from 0 for an obstacle's cell, at which the robot fits."""
 
 
 class NarrowPlace(NamedTuple):
-    """A place between obstacles.
+    """A gap between obstacles.
 
     Attributes:
-        x, y: Its middle, in the costmap's frame.
-        width: Metres from obstacle to obstacle.
+        x, y: Its middle (m), in the costmap's frame.
+        width: Distance (m) between the obstacles.
         needed: The robot's width (m).
     """
 
@@ -38,18 +39,18 @@ class NarrowPlace(NamedTuple):
 def narrowest_place(
     costmap: CostGrid, start: Pose2D, goal: Pose2D, through_unknown: bool, cancelled: Cancellation
 ) -> Optional[NarrowPlace]:
-    """Return the narrowest place of the widest way, None where the robot fits through or obstacles leave no way at all.
+    """Return the narrowest place on the widest path; None where the robot fits through it, or there is no path at all.
 
-    Cells are joined with their neighbours, those with the most room first; the one that connects start and goal is it.
-    That is Kruskal's tree, whose paths are the widest (Hu, "The maximum capacity route problem", 1961). It looks at
-    each cell once, sorted by counting: where a search has failed, it takes no longer than that did.
+    Cells are joined with their neighbours in the order of falling room; the cell that connects start and goal is the
+    bottleneck. This is Kruskal's algorithm, and paths in its tree are the widest (Hu, "The maximum capacity route
+    problem", 1961). Each cell is looked at once, so that it takes no longer than the search that failed before.
 
     Args:
         costmap: The snapshot.
-        start, goal: On the grid, or a little beside it; as far round them as the robot is wide counts as room, since
-            there it stands.
+        start, goal: On the grid, or a little outside. Free cells within half the robot's width of them count as wide
+            enough, since the robot is there, or is to be.
         through_unknown: Whether unknown cells may be entered.
-        cancelled: Ends it, without a place.
+        cancelled: Ends the search; the result then is None.
     """
     grid = costmap.grid
     blocked = costmap.costs == LETHAL
@@ -76,12 +77,14 @@ def narrowest_place(
 
 
 def gap_at(blocked: np.ndarray, column: int, row: int, distance: float) -> float:
-    """Return how wide (cells) the gap is in which a cell lies.
+    """Return the width (cells) of the gap in which a cell lies.
+
+    That is the distance between the obstacle nearest to the cell and those on the other side of it.
 
     Args:
-        blocked: Shape (height, width), bool: the obstacles.
+        blocked: Shape (height, width), bool: True in obstacles' cells, of which there must be one.
         column, row: The cell.
-        distance: From its centre to that of the nearest obstacle (cells).
+        distance: Distance (cells) from its centre to that of the nearest obstacle's cell.
     """
     reach = math.ceil(distance) + 2  # the middle of a gap an even number of cells wide is half a cell aside
     top, left = max(0, row - reach), max(0, column - reach)
@@ -95,7 +98,7 @@ def gap_at(blocked: np.ndarray, column: int, row: int, distance: float) -> float
 
 
 def _widen(room: np.ndarray, column: int, row: int, reach: int) -> None:
-    """Have the free cells round an end count as room enough, and the end itself in any case."""
+    """Set `room` to FITS in the free cells within `reach` of a cell, and in the cell itself."""
     around = room[max(0, row - reach):row + reach + 1, max(0, column - reach):column + reach + 1]
     around[around > 0] = FITS
     room[row, column] = FITS

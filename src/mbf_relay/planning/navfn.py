@@ -1,4 +1,4 @@
-"""The planner that stands in for navfn: a smooth path down a fast-marching potential."""
+"""The planner for navfn/NavfnROS: a smooth path down a fast-marching potential."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class NavfnParameters(ParameterSet):
 
 
 class NavfnPlanner(GridPlanner):
-    """Plans as navfn does, with the exact fast-marching update, a heuristic, and a potential kept between plans."""
+    """Plans as navfn does, but with the exact fast-marching update, a heuristic, and a potential kept between plans."""
 
     Parameters = NavfnParameters
     parameters: NavfnParameters
@@ -54,7 +54,16 @@ class NavfnPlanner(GridPlanner):
 def descend_potential(
     potential: FastMarchingPotential, query: SearchQuery, all_around: bool = False
 ) -> Optional[Tuple[np.ndarray, float]]:
-    """Return points in metres and the cost of the way down a potential, None where there is none."""
+    """Return points, (N, 2) in metres, and the cost of the path down a potential, None where there is none.
+
+    Args:
+        potential: The field, which is kept between plans.
+        query: Start, goal and snapshot.
+        all_around: As for `IncrementalField.reach`.
+
+    Raises:
+        PlanningError: CANCELED.
+    """
     costmap, grid = query.costmap, query.costmap.grid
     if not potential.reach(
         costmap.costs, query.weights, query.start_cell, query.goal_cell, query.cancelled, costmap.revision, all_around):

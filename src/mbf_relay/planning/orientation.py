@@ -11,11 +11,11 @@ from mbf_relay.geometry import Pose2D, angle_between, normalize_angles
 from mbf_relay.planning import points_kernels
 
 STRAIGHT_ON = 0.35
-"""Turn (rad) that ends the last straight part of a path for FORWARD_THEN_INTERPOLATE, as in global_planner."""
+"""Change of direction (rad) at which the last straight part of a path begins; for FORWARD_THEN_INTERPOLATE."""
 
 
 class OrientationMode(IntEnum):
-    """How a path's poses head; the last one always heads as the goal does."""
+    """How headings along a path are chosen, numbered as in global_planner; the last pose always has the goal's."""
 
     NONE = 0
     FORWARD = 1
@@ -33,17 +33,17 @@ TURNED = {
     OrientationMode.LEFTWARD: -math.pi / 2.0,
     OrientationMode.RIGHTWARD: math.pi / 2.0,
 }
-"""Angle from the path's direction to the robot's heading."""
+"""Angle (rad) from the path's direction to the robot's heading; 0 for modes not listed."""
 
 
 def oriented(points: np.ndarray, start: Pose2D, goal: Pose2D, mode: int = 1, window: int = 1) -> np.ndarray:
     """Return poses (N, 3) over points (N, 2), in metres and radians.
 
     Args:
-        points: The path, at least one point.
-        start, goal: Their headings are used where the mode says so; the last pose heads as `goal`.
+        points: Points of the path, at least one.
+        start, goal: Poses whose headings are used where the mode says so; the last pose has that of `goal`.
         mode: An OrientationMode.
-        window: Over how many points back and ahead the path's direction is taken.
+        window: The path's direction at a point is that from `window` points before it to as many after it.
     """
     count = len(points)
     points, steps, poses = np.ascontiguousarray(points, dtype=float), np.empty((2, count)), np.empty((count, 3))

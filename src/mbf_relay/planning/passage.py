@@ -1,4 +1,4 @@
-"""Paths the robot fits along: a planner's path looked at with the footprint, and led round where it would touch."""
+"""Footprint check of planned paths: where the footprint would touch, the planner is asked for a way around."""
 
 from __future__ import annotations
 
@@ -14,22 +14,25 @@ from mbf_relay.planning.narrowest import gap_at
 from mbf_relay.planning.path import Path
 
 TRIES = 8
-MARKED_TOO_LARGE = 1.0  # cells by which an obstacle may reach less far than the cells it marks, on each side of a gap
-DETOUR_FACTOR, DETOUR_WIDTHS = 1.5, 5.0  # the longest way round: this times the path, and this many robot's widths more
+"""Paths checked, at most."""
+MARKED_TOO_LARGE = 1.0
+"""Cells by which a gap may in truth be wider, on each side, than between the cells marked."""
+DETOUR_FACTOR, DETOUR_WIDTHS = 1.5, 5.0
+"""Longest way around: this times the first path's length, plus this many times the robot's width."""
 
 
 def lead_round(plan: Callable[[CostGrid], Path], costmap: CostGrid) -> Path:
-    """Return the path `plan` finds, led round passages narrower than the robot where there is such a way.
+    """Return a path around passages narrower than the robot if there is one, else the path that `plan` finds first.
 
-    A search keeps the robot's centre out of INSCRIBED cells, so a long or off-centre footprint, whose inscribed circle
-    is small, is sent through gaps it cannot pass. Here the footprint is laid along the path as the robot would drive
-    it; where it touches, these cells are closed and the search is asked again. Where that finds no way, or a much
-    longer one, the first path stands: it may be that obstacles are only marked too large. It does not where there is no
-    other way and it leads through a gap narrower than the robot by more than obstacles can be marked too large.
+    A search only keeps the robot's base out of INSCRIBED cells, and so sends a long or off-centre footprint, whose
+    inscribed circle is small, through gaps it cannot pass. Here the footprint is checked along the path as the robot
+    would drive it; cells of poses in contact are blocked, and `plan` is called again. If that finds no path, or a much
+    longer one, the first path is returned: obstacles may be marked larger than they are. If there is no other path and
+    the first one leads through a gap too narrow even so (see MARKED_TOO_LARGE), the plan fails.
 
     Args:
         plan: Plans on a snapshot; raises PlanningError.
-        costmap: The snapshot as it is.
+        costmap: The snapshot.
 
     Raises:
         PlanningError: That of the first plan, CANCELED, or NO_PATH_FOUND where the robot fits through no gap.
@@ -50,7 +53,7 @@ def lead_round(plan: Callable[[CostGrid], Path], costmap: CostGrid) -> Path:
             if error.outcome is PlanOutcome.CANCELED:
                 raise
             if error.outcome is PlanOutcome.NO_PATH_FOUND and is_too_narrow(checker, touching_cells(checker, first)):
-                raise  # asked last, since it takes the distances of the whole map
+                raise  # last, since it needs distances over the whole map
             return first
         if path.length > DETOUR_FACTOR * first.length + DETOUR_WIDTHS * costmap.width:
             return first
@@ -58,15 +61,16 @@ def lead_round(plan: Callable[[CostGrid], Path], costmap: CostGrid) -> Path:
 
 
 def checker_on(costmap: CostGrid) -> FootprintChecker:
-    """Return the checker planners ask: whether unknown space may be entered is for their costs to say."""
+    """Return the checker for planners: unknown cells are no obstacles, as weights say whether they may be entered."""
     return FootprintChecker(costmap, unknown_touches=False)
 
 
 def touching_cells(checker: FootprintChecker, path: Path) -> np.ndarray:
-    """Return the cells of a path, (N, 2) in its order, at which the footprint touches when it is driven forward.
+    """Return the cells, (N, 2) in path order, of poses at which the footprint is in contact when driving forward.
 
-    Left out are the ends, as far as the robot reaches: it stands there, or is to. Between two poses at which the
-    outline touches, no farther apart than the robot is long, what it touches may lie within it.
+    Poses within the circumscribed radius of start and end are left out, since the robot is there, or is to be. Poses
+    between two contacts no farther apart than the robot's length are included: the obstacle may lie wholly within the
+    outline there.
     """
     costmap = checker.costmap
     poses, arcs = driven(path.poses[:, :2], 0.5 * costmap.width)
@@ -89,7 +93,7 @@ def touching_cells(checker: FootprintChecker, path: Path) -> np.ndarray:
 
 
 def is_too_narrow(checker: FootprintChecker, cells: np.ndarray) -> bool:
-    """Return whether one of some cells (N, 2) lies in a gap that the robot cannot fit through, however it is marked."""
+    """Return whether one of some cells, (N, 2), is in a gap too narrow even if obstacles are MARKED_TOO_LARGE."""
     costmap = checker.costmap
     blocked = costmap.costs == LETHAL
     widest = costmap.width / costmap.grid.resolution - 2.0 * MARKED_TOO_LARGE
@@ -101,12 +105,12 @@ def is_too_narrow(checker: FootprintChecker, cells: np.ndarray) -> bool:
 
 
 def driven(points: np.ndarray, reach: float) -> Tuple[np.ndarray, np.ndarray]:
-    """Return the poses (N, 3) of a robot driven forward along a path's points (N, 2), and their arc lengths (N,).
+    """Return the poses, (N, 3), of a robot driving forward along a path, and their arc lengths (m), (N,).
 
     Args:
-        points: In metres.
-        reach: How far (m) the chord whose direction the robot has goes to either side of it along the path: steps from
-            cell to cell turn no robot.
+        points: Points of the path, (N, 2) in metres.
+        reach: Arc length (m) before and after each point between which the path's direction is taken as a chord; it
+            smooths the zigzag of steps from cell to cell.
     """
     poses, arcs = np.empty((len(points), 3)), np.empty(len(points))
     passage_kernels.drive(np.ascontiguousarray(points, dtype=float), reach, poses, arcs)
@@ -114,7 +118,7 @@ def driven(points: np.ndarray, reach: float) -> Tuple[np.ndarray, np.ndarray]:
 
 
 def _closed(costmap: CostGrid, cells: np.ndarray) -> CostGrid:
-    """Return a snapshot in which these cells and their neighbours may not be passed."""
+    """Return a snapshot in which some cells, (N, 2), and their eight neighbours are at least INSCRIBED."""
     costs = costmap.costs.copy()
     height, width = costs.shape
     for x in (-1, 0, 1):

@@ -1,5 +1,5 @@
 # mypy: allow-untyped-defs, allow-untyped-calls
-"""Compiled look at a path as it is driven: arc lengths and headings."""
+"""Compiled loop for the arc lengths and headings of a driven path."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from mbf_relay.kernels import kernel
 
 @kernel("void(float64[:,::1], float64, float64[:,::1], float64[::1])")
 def drive(points, reach, poses, arcs):
-    """Find the poses of a robot driven forward along a path.
+    """Compute the poses of a robot driving forward along a path.
 
     Args:
         points: Shape (N, 2) in metres, N >= 1.
-        reach: How far (m) the chord whose direction the robot has goes at least to either side along the path, where
-            the path goes on.
+        reach: Least arc length (m) before and after each point between which the heading is taken as a chord; less at
+            the path's ends.
         poses: Shape (N, 3), filled.
         arcs: Shape (N,), filled with the arc length (m) of each point.
     """

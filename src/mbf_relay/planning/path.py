@@ -1,4 +1,4 @@
-"""A path: the poses a robot is to pass, in order."""
+"""A path: the poses that a robot is to pass, in order."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ class Path:
     Attributes:
         poses: Shape (N, 3), float64: x, y in metres, theta in radians.
         frame: Frame of the poses.
-        cost: What the planner's search summed up along it, in the planner's own unit.
+        cost: Its cost, in the planner's own unit.
     """
 
     poses: np.ndarray

@@ -1,4 +1,4 @@
-"""The abstract planner and the flag by which a running plan is called off."""
+"""The abstract planner, and the flag that cancels a running plan."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from mbf_relay.plugins import Plugin
 
 
 class Cancellation:
-    """A flag one thread sets and another one's loop reads, compiled loops included.
+    """A flag that one thread sets and the planner's thread reads, in compiled loops too.
 
     Attributes:
         flag: Shape (1,), uint8: 0 until cancelled; kernels read it every few thousand cells.
@@ -29,12 +29,12 @@ class Cancellation:
         self.flag[0] = 1
 
     def is_cancelled(self) -> bool:
-        """Return whether the plan was called off."""
+        """Return whether `cancel` was called."""
         return bool(self.flag[0])
 
 
 class PotentialWatcher(abc.ABC):
-    """Somebody who looks at the potential of each plan."""
+    """A receiver of each plan's potential, such as a publisher."""
 
     @abc.abstractmethod
     def is_watching(self) -> bool:
@@ -42,7 +42,13 @@ class PotentialWatcher(abc.ABC):
 
     @abc.abstractmethod
     def take(self, costmap: CostGrid, potential: np.ndarray, start: Pose2D) -> None:
-        """Look at a potential: (height, width), 0 where nothing is known. It changes with the next plan."""
+        """Take a plan's potential.
+
+        Args:
+            costmap: The snapshot that was planned on.
+            potential: Shape (height, width), 0 where unknown; the next plan overwrites it.
+            start: Start of the search, in the costmap's frame: the robot's pose, or a free cell near a blocked one.
+        """
 
 
 @dataclass(frozen=True)
@@ -50,10 +56,9 @@ class PotentialDisplay:
     """How a planner's potential is to be published.
 
     Attributes:
-        form: "cloud", points with the potential as navfn publishes them, or "grid", an occupancy grid as
-            global_planner does.
-        wanted: Whether the user wants it at present.
-        highest: Value of the highest potential in a grid, 1 to 127.
+        form: "cloud" for a point cloud, as navfn publishes it, or "grid" for an occupancy grid, as global_planner does.
+        wanted: Whether the user's parameters ask for it at present.
+        highest: Value in a grid that stands for the highest potential, 1 to 127.
     """
 
     form: str
@@ -64,13 +69,13 @@ class PotentialDisplay:
 class Planner(Plugin, abc.ABC):
     """Finds a path over a costmap.
 
-    A planner may keep what it learned between calls, to replan faster; the path it returns must be as good as one from
-    the arguments alone: what was kept may decide between paths of equal cost, never between others. It is never called
-    by two threads at once. Each plan asks it once, with the costmap as it is.
+    A planner may keep results between calls, to replan faster. They may only decide between paths of equal cost: the
+    path must be as good as one planned from the arguments alone. A planner is never called by two threads at once.
+    `plan` is called once for each plan, with the present snapshot.
 
     Attributes:
-        potential_watcher: Shown the potential of each plan by planners that have a `potential_display`; None for
-            nobody.
+        potential_watcher: Receives the potential of each plan, from planners that have a `potential_display`; None for
+            no receiver.
     """
 
     def __init__(self, name: str, parameters: Any) -> None:
@@ -86,17 +91,17 @@ class Planner(Plugin, abc.ABC):
     def plan(
         self, costmap: CostGrid, start: Pose2D, goal: Pose2D, tolerance: float, cancelled: Cancellation
     ) -> Path:
-        """Return a path from `start` to `goal`, both in the costmap's frame, every pose with a heading.
+        """Return a path from `start` to `goal`, both in the costmap's frame; every pose has a heading.
 
         Args:
             costmap: The snapshot to plan on.
-            start: The robot's pose; the path begins there.
-            goal: Where to go; the last pose is it, or where it cannot be reached or is no room for the robot, a
-                reachable place within `tolerance` of it, one with room where there is such.
-            tolerance: Distance (m) by which the goal may be missed; 0 or above.
+            start: The robot's pose, where the path begins.
+            goal: The path's last pose. Where it cannot be reached or has no room for the footprint, the path ends at a
+                reachable pose within `tolerance` of it, with room if there is such a pose.
+            tolerance: Distance (m) by which the goal may be missed, 0 or above.
             cancelled: Stops the search when set.
 
         Raises:
-            PlanningError: OUT_OF_MAP, BLOCKED_START, BLOCKED_GOAL, NO_PATH_FOUND or CANCELED, with a text that says
-                what is where.
+            PlanningError: OUT_OF_MAP, BLOCKED_START, BLOCKED_GOAL, NO_PATH_FOUND or CANCELED, with a text that gives
+                the place and the reason.
         """

@@ -1,5 +1,5 @@
 # mypy: allow-untyped-defs, allow-untyped-calls
-"""Compiled passes over a path's points: headings along them, points spread between them, points that repeat."""
+"""Compiled loops over a path's points: conversion to cells and back, headings, added points, repeated points."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from mbf_relay.kernels import kernel
 
 @kernel("void(float64[:,::1], float64, float64, float64, float64[:,::1])")
 def to_cells(points, origin_x, origin_y, resolution, cells):
-    """Convert points in metres to cells of a grid, a cell's centre lying at halves.
+    """Convert points in metres to coordinates in cells of a grid, where cells' centres lie at halves.
 
     Args:
         points: Shape (N, 2).
-        origin_x, origin_y, resolution: Of the grid, in metres.
+        origin_x, origin_y, resolution: The grid's lower left corner and the side of its cells (m).
         cells: Shape (N, 2), filled.
     """
     for n in range(points.shape[0]):
@@ -23,14 +23,14 @@ def to_cells(points, origin_x, origin_y, resolution, cells):
 
 @kernel("void(float64[:,::1], float64, float64, float64, float64[:,::1])")
 def to_metres(cells, origin_x, origin_y, resolution, points):
-    """Convert points in cells of a grid to metres; as `to_cells`, the other way round."""
+    """Convert coordinates in cells of a grid to points in metres, the inverse of `to_cells`."""
     for n in range(cells.shape[0]):
         points[n, 0], points[n, 1] = cells[n, 0] * resolution + origin_x, cells[n, 1] * resolution + origin_y
 
 
 @kernel("boolean(float64[:,::1], float64)")
 def are_apart(points, least):
-    """Return whether each point, (N, 2), differs from the one before by more than `least` in x or in y."""
+    """Return whether each of points, (N, 2), differs from the one before by more than `least` in x or in y."""
     for n in range(1, points.shape[0]):
         if abs(points[n, 0] - points[n - 1, 0]) <= least and abs(points[n, 1] - points[n - 1, 1]) <= least:
             return False
@@ -39,12 +39,14 @@ def are_apart(points, least):
 
 @kernel("void(float64[:,::1], int64, float64[:,::1])")
 def steps_along(points, window, steps):
-    """Find the way from `window` points before each point to as many after it, as if the path stood at its ends.
+    """Compute the difference between the point `window` indices after each point and that as many before it.
+
+    Indices beyond the path's ends stand for its ends.
 
     Args:
         points: Shape (N, 2), N >= 1.
         window: 1 or more.
-        steps: Shape (2, N), filled with x and y.
+        steps: Shape (2, N), filled with the differences in x and in y.
     """
     last = points.shape[0] - 1
     for n in range(last + 1):
@@ -54,11 +56,11 @@ def steps_along(points, window, steps):
 
 @kernel("void(float64[:,::1], float64[::1], float64, float64[:,::1])")
 def head(points, directions, turned, poses):
-    """Fill in poses that head where a path leads, or turned from it.
+    """Fill in poses with headings at a fixed angle from a path's directions.
 
     Args:
         points: Shape (N, 2) in metres.
-        directions: Shape (N,): of the path (rad).
+        directions: Shape (N,): directions (rad) of the path at these points.
         turned: Angle (rad) from the path's direction to the heading.
         poses: Shape (N, 3), filled; headings are in [-pi, pi).
     """
@@ -69,12 +71,12 @@ def head(points, directions, turned, poses):
 
 @kernel("int64(float64[:,::1], float64, int64[::1])")
 def split(points, spacing, parts):
-    """Find into how many parts each line between two points is split so that none is longer than `spacing`.
+    """Compute into how many equal parts each line between two points must be split so that none exceeds `spacing`.
 
     Args:
         points: Shape (N, 2) in metres.
-        spacing: In metres.
-        parts: Shape (N - 1,), filled.
+        spacing: Largest length (m) of a part.
+        parts: Shape (N - 1,), filled with the numbers of parts, at least 1.
 
     Returns:
         Their sum.
@@ -89,12 +91,12 @@ def split(points, spacing, parts):
 
 @kernel("void(float64[:,::1], int64[::1], float64[:,::1])")
 def spread_along(points, parts, along):
-    """Spread points evenly along lines.
+    """Split the lines of a path into equal parts.
 
     Args:
         points: Shape (N, 2): the lines' ends.
-        parts: Shape (N - 1,): into how many parts each line is split.
-        along: Shape (sum of `parts` + 1, 2), filled; its last point is that of `points`.
+        parts: Shape (N - 1,): number of parts of each line.
+        along: Shape (sum of `parts` + 1, 2), filled with the parts' ends, the last of `points` included.
     """
     count = 0
     for n in range(parts.shape[0]):

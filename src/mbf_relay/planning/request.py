@@ -1,4 +1,4 @@
-"""What every planner checks before it searches, and what it does where start or goal themselves are blocked."""
+"""Checks of start and goal before a search, and alternatives where they are blocked."""
 
 from __future__ import annotations
 
@@ -18,10 +18,12 @@ from mbf_relay.planning.search import reach_kernels
 Cell = Tuple[int, int]
 
 OUT_OF_A_DOCK = 4.0
-"""Times its width: how far a robot is led between walls too near for its inscribed circle, whose footprint may fit."""
+"""Distance, in widths of the robot, that a path may lead out of a blocked start over INSCRIBED cells, as in a dock
+whose walls are nearer than the inscribed radius."""
 _COSTS = np.arange(256)
 DETOUR = 2.0 * math.pi
-"""Tolerances by which the way to a place near the goal may be longer than to the first: once round the goal."""
+"""Longest extra way, in tolerances, to a place near the goal compared with the first one reached: once around the goal.
+"""
 
 
 def require_finite(start: Pose2D, goal: Pose2D) -> None:
@@ -32,7 +34,7 @@ def require_finite(start: Pose2D, goal: Pose2D) -> None:
 
 
 def outside_error(costmap: CostGrid, what: str, pose: Pose2D) -> PlanningError:
-    """Return the error for a pose outside the map."""
+    """Return OUT_OF_MAP for a pose outside the costmap; `what` is "start" or "goal"."""
     grid = costmap.grid
     return PlanningError(
         PlanOutcome.OUT_OF_MAP,
@@ -42,7 +44,7 @@ def outside_error(costmap: CostGrid, what: str, pose: Pose2D) -> PlanningError:
 
 
 def blocked_error(costmap: CostGrid, what: str, pose: Pose2D, outcome: PlanOutcome) -> PlanningError:
-    """Return the error for a pose on a cell that may not be entered."""
+    """Return the error, with `outcome`, for a pose in a cell that must not be entered; `what` is "start" or "goal"."""
     column, row = costmap.grid.cell_at(pose.x, pose.y)
     cost = int(costmap.costs[row, column])
     reason = {LETHAL: "in an obstacle", NO_INFORMATION: "in unknown space"}.get(
@@ -51,7 +53,7 @@ def blocked_error(costmap: CostGrid, what: str, pose: Pose2D, outcome: PlanOutco
 
 
 def unreachable_error(start: Pose2D, goal: Pose2D, tolerance: float) -> PlanningError:
-    """Return the error for a goal that free cells do not connect with the start."""
+    """Return NO_PATH_FOUND for a goal that no free cells connect with the start; the tolerance is in metres."""
     near = f", nor to any point within {tolerance:.3f} m of it" if tolerance > 0.0 else ""
     return PlanningError(
         PlanOutcome.NO_PATH_FOUND,
@@ -61,10 +63,10 @@ def unreachable_error(start: Pose2D, goal: Pose2D, tolerance: float) -> Planning
 
 
 def start_cell(costmap: CostGrid, start: Pose2D) -> Cell:
-    """Return the cell of the costmap that is nearest to a start: its own, or one at the edge it got past.
+    """Return the cell of the costmap that is nearest to a start: its own, or one at the edge if it lies outside.
 
     Raises:
-        PlanningError: OUT_OF_MAP, where it is past the edge by more than the robot's width.
+        PlanningError: OUT_OF_MAP, where the start lies outside by more than the robot's width.
     """
     column, row = costmap.grid.nearest_cell(start.x, start.y)
     if math.dist(costmap.grid.center_of(column, row), start[:2]) > costmap.width:  # which is a cell at least
@@ -75,9 +77,14 @@ def start_cell(costmap: CostGrid, start: Pose2D) -> Cell:
 def departure(costmap: CostGrid, weights: np.ndarray, start: Pose2D) -> np.ndarray:
     """Return the cells from the start's own to the first free one: (N, 2), the start's cell alone where it is free.
 
-    A robot that stands too near an obstacle, or where nothing is known, may drive off within its inscribed radius; over
-    cells that are only too near an obstacle, as between the walls of a dock, within OUT_OF_A_DOCK times its width. One
-    that got past the edge of the map, by no more than its width, comes back over the cell that is nearest.
+    From an INSCRIBED or unknown cell the free one may be as far as the inscribed radius, over any cells but lethal
+    ones; over INSCRIBED cells alone, as in a dock, as far as OUT_OF_A_DOCK times the robot's width. A robot outside the
+    map by no more than its width returns over the nearest cell.
+
+    Args:
+        costmap: The snapshot.
+        weights: Shape (256,): cells of weight 0 are not free; see `GridPlanner.weights`.
+        start: The robot's pose in the costmap's frame.
 
     Raises:
         PlanningError: OUT_OF_MAP or BLOCKED_START.
@@ -102,18 +109,27 @@ def departure(costmap: CostGrid, weights: np.ndarray, start: Pose2D) -> np.ndarr
 
 
 def has_room(costmap: CostGrid, goal: Pose2D) -> bool:
-    """Return whether the footprint fits at a goal."""
+    """Return whether the footprint is free of contact at a goal; unknown cells are no obstacles."""
     return not checker_on(costmap).touches(np.array([goal]))[0]
 
 
 def nearest_reachable(
     costmap: CostGrid, weights: np.ndarray, start: Cell, goal: Pose2D, tolerance: float, cancelled: Cancellation
 ) -> Optional[Pose2D]:
-    """Return where the robot is best to end within `tolerance` (m) of the goal, with its heading; None for nowhere.
+    """Return the best reachable pose within `tolerance` (m) of the goal, with the goal's heading; None without any.
 
-    That is the centre of a cell connected with the start, by a way no longer by DETOUR than that to the first such
-    cell: what lies nearer behind a wall is none. One where the robot can turn comes first, then one where it fits with
-    the goal's heading, then the goal itself, then any; of equals, the one nearest to the goal.
+    Candidates are the centres of cells connected with the start by a way longer by at most DETOUR than that to the
+    first such cell, which leaves out cells behind a wall. Preferred are cells where the robot can turn on the spot,
+    then those where the footprint fits with the goal's heading; without any of these, the goal itself if it is
+    reachable, else any cell. Of equals the one nearest to the goal is taken.
+
+    Args:
+        costmap: The snapshot.
+        weights: Shape (256,): cells of weight 0 must not be entered.
+        start: The start's cell, which is free.
+        goal: The goal in the costmap's frame.
+        tolerance: Metres.
+        cancelled: Stops the search when set.
 
     Raises:
         PlanningError: CANCELED.
@@ -144,7 +160,14 @@ def nearest_reachable(
 
 
 def _room_at(costmap: CostGrid, window: Window, cells: np.ndarray, heading: float) -> np.ndarray:
-    """Return what room the robot has at the centres of cells (N, 2): 2 to turn, 1 to stand with a heading, else 0."""
+    """Return the room at the centres of cells, (N, 2): 2 to turn on the spot, 1 to stand with `heading`, else 0.
+
+    Args:
+        costmap: The snapshot.
+        window: Holds all of the cells.
+        cells: Columns and rows.
+        heading: Radians.
+    """
     grid = costmap.grid
     poses = np.column_stack((grid.centers_of(cells), np.full(len(cells), heading)))
     fits = (~checker_on(costmap).touches(poses)).astype(int)

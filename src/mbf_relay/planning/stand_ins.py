@@ -1,4 +1,4 @@
-"""Planners that take the place of those of other packages."""
+"""The planner used in place of planners of other packages, which are not implemented here."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ class StandInParameters(NavfnParameters):
 
     @classmethod
     def unknown_names(cls, values: Mapping[str, Any]) -> List[str]:
-        """Return nothing; see `stands_in` of the planner."""
+        """Return nothing: the group holds the other planner's parameters, and `stands_in` already warns of it."""
         return []
 
 

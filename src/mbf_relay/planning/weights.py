@@ -1,4 +1,4 @@
-"""What crossing a cell of each cost counts, as the planners users know weigh costs."""
+"""Weights: a path's cost per cell of length for each cell cost, by the formulas of navfn and global_planner."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ NAVFN_NEUTRAL, NAVFN_FACTOR, NAVFN_HIGHEST = 50.0, 0.8, 252.0
 """navfn's COST_NEUTRAL, COST_FACTOR and the value just below its COST_OBS."""
 
 LENGTHS = np.array([1.0, math.sqrt(2.0)])
-"""Cells, of a straight step and of a diagonal one."""
+"""Lengths (cells) of a straight step and of a diagonal one."""
 NARROW = 6.0
-"""What a cell counts where the robot's sides touch, by what it would count without: a gap as wide as the robot and as
-long as it is then worth a way round of some ten times its width."""
+"""Factor on a cell's weight where the robot's sides would touch: a gap as wide and as long as the robot then costs as
+much as a way around of some ten times its width."""
 
 
 @functools.lru_cache(maxsize=2)
 def navfn_weights(allow_unknown: bool) -> np.ndarray:
-    """Return navfn's weight of each cost: shape (256,), float32, 0 where it does not go. Treat as read-only."""
+    """Return navfn's weights: shape (256,), float32, 0 for costs it does not enter. Treat as read-only."""
     weights = np.floor(np.minimum(NAVFN_NEUTRAL + NAVFN_FACTOR * np.arange(256), NAVFN_HIGHEST))
     weights[INSCRIBED:] = 0.0
     if allow_unknown:
@@ -33,7 +33,7 @@ def navfn_weights(allow_unknown: bool) -> np.ndarray:
 def global_planner_weights(
     neutral_cost: int, cost_factor: float, lethal_cost: int, allow_unknown: bool
 ) -> np.ndarray:
-    """Return global_planner's weight of each cost: shape (256,), float32, 0 where it does not go. Treat as read-only.
+    """Return global_planner's weights: shape (256,), float32, 0 for costs it does not enter. Treat as read-only.
 
     Costs are scaled and capped below `lethal_cost`; from one below `lethal_cost` on, cells are not entered.
     """
@@ -47,7 +47,13 @@ def global_planner_weights(
 
 
 def path_cost(costs: np.ndarray, weights: np.ndarray, cells: np.ndarray) -> float:
-    """Return what a path over neighbouring cells, shape (N, 2), counts: the field's measure in double precision."""
+    """Return the cost of a path over 8-connected cells as `CostToGo` defines it, in double precision.
+
+    Args:
+        costs: Shape (height, width), uint8.
+        weights: Shape (256,).
+        cells: Shape (N, 2): columns and rows in path order.
+    """
     counted = weights[costs[cells[:, 1], cells[:, 0]]].astype(np.float64)
     moved = cells[1:] != cells[:-1]
     lengths = LENGTHS[(moved[:, 0] & moved[:, 1]).view(np.uint8)]
@@ -55,14 +61,14 @@ def path_cost(costs: np.ndarray, weights: np.ndarray, cells: np.ndarray) -> floa
 
 
 def shy_of_narrow_places(weights: np.ndarray, costmap: CostGrid) -> np.ndarray:
-    """Return weights that rise where the robot can hardly turn, up to NARROW times where its sides touch.
+    """Return weights raised where the robot cannot turn on the spot, up to NARROW times where its sides touch.
 
-    Costs are of the distance to the nearest obstacle, whatever the robot's shape: a path that counts nothing else cuts
-    corners by its inscribed circle, and takes a gap that it does not fit through for one that is merely dear.
+    Inflated costs depend on the distance to the nearest obstacle, not on the robot's shape: with them alone a path cuts
+    corners at the inscribed radius, and gaps the robot does not fit through are merely expensive.
 
     Args:
         weights: Shape (256,).
-        costmap: Tells at which costs the robot touches.
+        costmap: Its `turning_cost` and `side_cost` say at which costs the robot touches.
     """
     turning, side = costmap.turning_cost, costmap.side_cost
     if turning >= side:
@@ -72,7 +78,7 @@ def shy_of_narrow_places(weights: np.ndarray, costmap: CostGrid) -> np.ndarray:
 
 @functools.lru_cache(maxsize=16)
 def _factors(turning: int, side: int) -> np.ndarray:
-    """Return by what weights rise: shape (256,); the same for every plan of a robot."""
+    """Return the factor for each cell cost, shape (256,): 1 up to `turning`, rising to NARROW at `side`."""
     share = np.clip((np.arange(256) - turning) / (side - turning), 0.0, 1.0)
     share[INSCRIBED:] = 0.0
     return 1.0 + (NARROW - 1.0) * share * share
