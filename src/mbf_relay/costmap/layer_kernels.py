@@ -1,5 +1,5 @@
 # mypy: allow-untyped-defs, allow-untyped-calls
-"""Compiled loops of the layers: rays drawn over cells, and layers merged into the costmap."""
+"""Compiled loops of the layers: observations prepared, rays drawn over cells, and layers merged into the costmap."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ _NO_INFORMATION = 255
 
 @kernel("int64(float64[:,::1], float64[:,::1], float64[::1], float64[:,::1])")
 def turn_cloud(points, rotation, translation, ends):
-    """Take points, shape (N, 3) in metres, to another frame, but those that are not finite; return how many are left.
+    """Transform points to another frame, leaving out those that are not finite; return how many remain.
 
     Args:
-        points: Where they are.
-        rotation, translation: Shapes (3, 3) and (3,).
-        ends: Shape (N, 3), filled from the front.
+        points: Shape (N, 3) in metres.
+        rotation, translation: Shapes (3, 3) and (3,) in metres: the transform.
+        ends: Shape (N, 3), filled from the front with the transformed points.
     """
     number = 0
     for n in range(points.shape[0]):
@@ -39,17 +39,17 @@ def turn_cloud(points, rotation, translation, ends):
     "UniTuple(int64, 2)(float64[:,::1], boolean[::1], float64, float64, float64, float64, float64, float64, float64,"
     " float64[:,::1], float64[:,::1], float64[::1])")
 def make_ready(points, hits, x, y, z, lowest, highest, highest_mark, obstacle_range, ends, marks, box):
-    """Choose of an observation the rays that count and the ends that become obstacles; return how many of both.
+    """Select the rays of an observation that are used, and the ends that become obstacles; return their numbers.
 
     Args:
-        points: Shape (N, 2) or (N, 3) in metres; heights count where there are three columns.
-        hits: Shape (N,): whether anything was there.
-        x, y, z: Where the sensor was (m).
-        lowest, highest: Heights (m) of the points that count.
-        highest_mark: Height (m) above which none becomes an obstacle.
-        obstacle_range: Distance (m) from the sensor from which on none does.
-        ends, marks: Shape (N, 2), filled from the front.
-        box: Shape (4,), filled with the least x and y and the largest of the marks and the sensor.
+        points: End points, shape (N, 2) or (N, 3) in metres; limits on heights apply where there are three columns.
+        hits: Shape (N,): whether the ray hit something.
+        x, y, z: Position (m) of the sensor.
+        lowest, highest: Heights (m) between which points are used.
+        highest_mark: Height (m) above which points do not become obstacles.
+        obstacle_range: Distance (m) from the sensor from which on points do not become obstacles.
+        ends, marks: Shape (N, 2), filled from the front with the ends of rays and with obstacles.
+        box: Shape (4,), filled with least x, least y, largest x and largest y of the obstacles and the sensor.
     """
     number, marked = 0, 0
     squared_range = obstacle_range * obstacle_range
@@ -79,10 +79,15 @@ def make_ready(points, hits, x, y, z, lowest, highest, highest_mark, obstacle_ra
 
 @kernel("int64(float64, float64, float64[:,::1], int64, float64, float64, int64)")
 def _side_by_side(x, y, ends, beam, apart, like, needed):
-    """Return how many beams in a row from (x, y) hit what one of them does, `needed` where that cannot be told.
+    """Return how many neighbouring beams hit the same object as beam `beam`; `needed` where that cannot be told.
 
-    The row ends where a beam passes no farther than `apart` (m) beside, and goes on `like` (m) beyond. A nearer hit
-    hides that: it counts as one of the row where two are needed, and where it takes more the beam beyond it is asked.
+    The object ends on a side where a beam passes it within `apart` (m) and reaches farther by `like` (m) at least. A
+    hit nearer than the object hides it: that beam counts as hitting the object if `needed` is 2; else it is skipped.
+
+    Args:
+        x, y: Position (m) of the lidar.
+        ends, apart, like, needed: As for `without_lone`; counting stops at `needed`.
+        beam: Index of the beam.
     """
     size, row = ends.shape[0], 1
     own_x, own_y = ends[beam, 0] - x, ends[beam, 1] - y
@@ -111,19 +116,22 @@ def _side_by_side(x, y, ends, beam, apart, like, needed):
 @kernel("UniTuple(int64, 2)(float64, float64, float64[:,::1], float64[:,::1], float64[:,::1], int64[::1], float64, "
         "float64, float64, int64, int64, float64[:,::1])")
 def without_lone(x, y, ends, marks, before, scans, apart, like, thin, fewest, most, counted):
-    """Choose the marks that so many beams side by side and other scans hit; return how many, and how many one alone.
+    """Select the hits that neighbouring beams or earlier scans confirm; see lone_hits.
 
     Args:
-        x, y: Where the lidar was (m).
-        ends: Shape (N, 2) in metres: where its beams ended, in their order.
-        marks: Shape (M, 2): those of them, in the same order, that become obstacles.
-        before: Shape (K, 2): those of other scans, one scan after the other.
-        scans: Where each scan's end in `before`.
-        apart: Metres beside a mark within which a beam tells that the thing ends there.
-        like: Metres within which two beams, or two scans, hit the same.
-        thin: Metres wide is what so many beams hit as it takes.
-        fewest, most: How many it takes at least, 2 or more, and at most.
-        counted: Shape (M, 2), filled from the front.
+        x, y: Position (m) of the lidar.
+        ends: Shape (N, 2) in metres: ends of its beams, in their order.
+        marks: Shape (M, 2) in metres: the hits among them, in the same order.
+        before: Shape (K, 2) in metres: hits of earlier scans, one scan after the other.
+        scans: Shape (number of those scans,): index in `before` at which each of them ends.
+        apart: Metres within which a beam must pass a hit to show that the object ends there.
+        like: Metres within which hits of two beams, or of two scans, are of the same object.
+        thin: Width (m) of an object on which all beams must hit; 0 to need only `fewest`.
+        fewest, most: Limits of the number of hits needed, 2 or more.
+        counted: Shape (M, 2), filled from the front with the confirmed hits.
+
+    Returns:
+        Number of confirmed hits, and of lone hits without any confirmation.
     """
     number, mark, alone, size = 0, 0, 0, ends.shape[0]
     for beam in range(size):
@@ -156,17 +164,16 @@ def without_lone(x, y, ends, marks, before, scans, apart, like, thin, fewest, mo
 
 @kernel("void(uint8[:,::1], float64, float64, float64, float64, float64, float64[:,::1], float64)")
 def clear_rays(costs, origin_x, origin_y, resolution, sensor_x, sensor_y, ends, reach):
-    """Free the cells from a sensor to each end point, as costmap_2d's obstacle layer draws its rays.
+    """Set the cells from a sensor to each end point to FREE_SPACE, on the lines of costmap_2d's raytraceLine.
 
-    A ray that leaves the grid is cut at its border; beyond `reach` it is not followed. Nothing happens where the
-    sensor itself stands outside.
+    A ray is cut at the grid's border and at `reach`. Nothing is done where the sensor lies outside the grid.
 
     Args:
         costs: Shape (height, width).
-        origin_x, origin_y, resolution: The grid (m).
+        origin_x, origin_y, resolution: The grid's lower left corner and the side of its cells (m).
         sensor_x, sensor_y: Position of the sensor (m).
         ends: Shape (N, 2) in metres.
-        reach: Length (cells) beyond which rays are not followed.
+        reach: Largest length (cells) of a ray.
     """
     height, width = costs.shape
     first_column = int(math.floor((sensor_x - origin_x) / resolution))
@@ -214,14 +221,11 @@ def clear_rays(costs, origin_x, origin_y, resolution, sensor_x, sensor_y, ends, 
 
 @kernel("int64(uint8[:,::1], float64, float64, float64, float64, float64, float64[:,::1], int64[::1])")
 def lift_lethal(costs, origin_x, origin_y, resolution, sensor_x, sensor_y, ends, found):
-    """Free the lethal cells from a sensor to a cell beyond each end point; return how many there were.
+    """Set the lethal cells from a sensor to one cell beyond each end point to FREE_SPACE; return how many there were.
 
     Args:
-        costs: Shape (height, width).
-        origin_x, origin_y, resolution: The grid (m).
-        sensor_x, sensor_y: Position of the sensor (m).
-        ends: Shape (N, 2) in metres.
-        found: Filled from the front with their indices in the flattened grid; must have room for them.
+        costs, origin_x, origin_y, resolution, sensor_x, sensor_y, ends: As for `clear_rays`.
+        found: Shape (M,), filled from the front with these cells as row * width + column; must have room for them.
     """
     height, width = costs.shape
     number = 0
@@ -243,7 +247,7 @@ def lift_lethal(costs, origin_x, origin_y, resolution, sensor_x, sensor_y, ends,
 
 @kernel("void(uint8[:,::1], float64, float64, float64, float64[:,::1])")
 def mark_points(costs, origin_x, origin_y, resolution, points):
-    """Make the cells of points, shape (N, 2) in metres, lethal; points outside the grid are passed over."""
+    """Set the cells of points, shape (N, 2) in metres, to LETHAL; points outside the grid are ignored."""
     height, width = costs.shape
     for index in range(points.shape[0]):
         column = math.floor((points[index, 0] - origin_x) / resolution)
@@ -254,7 +258,7 @@ def mark_points(costs, origin_x, origin_y, resolution, points):
 
 @kernel("boolean(uint8[::1], uint8[::1])")
 def _differ(old, new):
-    """Return whether two rows differ; a loop of its own is turned into vector code, one in a nest is not."""
+    """Return whether two rows differ; a kernel of its own, since the compiler does not vectorize nested loops."""
     differs = np.uint8(0)
     for x in range(old.shape[0]):
         differs |= old[x] ^ new[x]
@@ -263,12 +267,12 @@ def _differ(old, new):
 
 @kernel("UniTuple(int64, 4)(uint8[:,::1], uint8[:,::1], int64, int64)")
 def changed_part(before, costs, x0, y0):
-    """Return first column and row, and those behind the last, of what changed in a part of a grid; 0 where nothing did.
+    """Return the window (x0, y0, x1, y1), ends excluded, of the cells that changed in a part of a grid; 0 for none.
 
     Args:
-        before: The part as it was, shape (rows, columns).
-        costs: The grid, shape (height, width).
-        x0, y0: Its column and row where the part begins.
+        before: The part's costs before, shape (rows, columns).
+        costs: The grid's costs now, shape (height, width).
+        x0, y0: First column and row of the part.
     """
     rows, columns = before.shape
     left, right, low, high = columns, 0, rows, 0
@@ -291,7 +295,7 @@ def changed_part(before, costs, x0, y0):
 
 @kernel("void(uint8[::1], uint8[::1])")
 def _raise_row(costs, layer):
-    """Take the higher cost, unknown being the lowest: one more than it, a byte is 0."""
+    """Raise a row to the layer's costs where these are higher; unknown is lowest: as a byte, 255 + 1 is 0."""
     for x in range(costs.shape[0]):
         cost, known = np.uint8(costs[x] + np.uint8(1)), np.uint8(layer[x] + np.uint8(1))
         costs[x] = np.uint8((known if known > cost else cost) - np.uint8(1))
@@ -299,14 +303,14 @@ def _raise_row(costs, layer):
 
 @kernel("void(uint8[:,::1], uint8[:,::1], int64, int64, int64, int64)")
 def merge_maximum(costs, layer, x0, y0, x1, y1):
-    """Raise a window of `costs` to the layer's costs; a layer's unknown says nothing, a known cost beats unknown."""
+    """Raise a window of `costs` to the layer's costs where these are higher, unknown counting as lowest."""
     for y in range(y0, y1):
         _raise_row(costs[y, x0:x1], layer[y, x0:x1])
 
 
 @kernel("void(uint8[:,::1], uint8[:,::1], int64, int64, int64, int64)")
 def merge_overwrite(costs, layer, x0, y0, x1, y1):
-    """Set a window of `costs` to the layer's costs where it has any."""
+    """Set a window of `costs` to the layer's costs, except where these are unknown."""
     for y in range(y0, y1):
         for x in range(x0, x1):
             if layer[y, x] != _NO_INFORMATION:
@@ -322,11 +326,12 @@ def sample_map(
     """Write a map that lies in another frame into a window: each cell takes the map's cell under its centre.
 
     Args:
-        costs, x0, y0, x1, y1: The costmap and the window.
-        origin_x, origin_y, resolution: The costmap's grid (m).
-        layer, layer_x, layer_y, layer_resolution: The map's costs and grid.
-        shift_x, shift_y, turn: The transform (m, rad) from the costmap's frame to the map's.
-        use_maximum: Raise only, by `_raise_row`'s order of costs; otherwise overwrite.
+        costs, x0, y0, x1, y1: The costmap's costs, shape (height, width), and the window, its ends excluded.
+        origin_x, origin_y, resolution: Lower left corner and side (m) of the costmap's cells.
+        layer: The map's costs, shape (its height, its width).
+        layer_x, layer_y, layer_resolution: Lower left corner and side (m) of the map's cells, in the map's frame.
+        shift_x, shift_y, turn: The transform (m, rad) that brings points in the costmap's frame to the map's.
+        use_maximum: Only raise costs, unknown counting as lowest; otherwise overwrite.
     """
     height, width = layer.shape
     cos, sin = math.cos(turn), math.sin(turn)

@@ -1,4 +1,4 @@
-"""What comes on one topic of an obstacle layer, made ready, and whether it is fresh enough to drive by."""
+"""One observation source of an obstacle layer: its prepared observations, and whether they are recent enough."""
 
 from __future__ import annotations
 
@@ -19,12 +19,13 @@ from mbf_relay.senders import HOW_TO_GO_ON, Senders
 from mbf_relay.timing import SET_BACK
 
 RANGE = "Range"
-"""What comes from a sonar or an infrared ranger."""
+"""The data_type of sonars and infrared rangers, sensor_msgs/Range."""
 LEVEL = 0.02
-"""Rise over distance up to which beams count as level; such a lidar's plane stays at its own height."""
+"""Slope of a beam, rise over horizontal distance, up to which it counts as level."""
 NOTHING = np.empty((0, 2))
+"""No points."""
 ROUNDING = 1e-6
-"""Height (m) that counts as none: transforms round, and a lidar may sit right at the lowest or highest that counts."""
+"""Tolerance (m) of limits on heights: a lidar may be mounted exactly at a limit, and transforms are rounded."""
 
 
 @dataclass(frozen=True)
@@ -69,9 +70,16 @@ class SourceParameters(ParameterSet):
 
 @dataclass(frozen=True, eq=False)
 class RayBundle:
-    """An observation made ready for the kernels: where its rays end, which ends are obstacles, how far it reaches.
+    """An observation prepared for the kernels; all positions in metres, in the costmap's frame.
 
-    And how far beams reach that measured nothing, shape (M, 2): what is there is left as it is.
+    Attributes:
+        x, y: Position of the sensor.
+        ends: Shape (N, 2): ends of the rays.
+        marks: Shape (M, 2): those that become obstacles.
+        low, high: Lower left and upper right corner of a box that holds all that rays and marks can change.
+        reach: Largest length (m) of rays that clear: raytrace_range.
+        stamp: Time (s) of the measurement.
+        unseen: See Observation; shape (0, 2) for none. Obstacles between the sensor and these points are not cleared.
     """
 
     x: float
@@ -86,7 +94,14 @@ class RayBundle:
 
 
 class Sensor:
-    """The observations of one sensor that still count, when the newest was measured, and why none is to be relied on.
+    """The kept observations of one sensor.
+
+    Attributes:
+        trouble: Why the sensor's data must not be relied on, or None.
+        kept: Its observations, newest first.
+        last_update: Time (s) of its newest measurement.
+        usual_age: How old its data usually get, see UsualAge.
+        lone_hits: Its filter of single hits.
     """
 
     def __init__(self) -> None:
@@ -97,7 +112,7 @@ class Sensor:
         self.lone_hits = LoneHits()
 
     def add(self, rays: RayBundle, now: float, keep_time: float) -> None:
-        """Keep an observation, newest first, and drop those older than `keep_time` (s); 0 keeps the newest alone."""
+        """Keep an observation, and drop those older than `keep_time` (s); 0 keeps the newest alone."""
         measured = min(rays.stamp, now)
         if self.last_update > -math.inf:
             self.usual_age.renewed(now - self.last_update, measured - self.last_update)
@@ -114,17 +129,29 @@ class Sensor:
 
 
 class ObservationSource:
-    """What comes on one topic: of one sensor, or of several, told apart by their frames, that take turns."""
+    """The data of one topic, from one sensor or from several, which are told apart by their frames.
+
+    Attributes:
+        parameters: The source's.
+        trouble: Why the source must not be relied on, or None.
+        unused: Why its last message was not used, or None.
+    """
 
     def __init__(self, parameters: SourceParameters) -> None:
         self.parameters = parameters
-        self.trouble: Optional[str] = None  # why it is not to be relied on
-        self.unused: Optional[str] = None  # why its last message was not used
+        self.trouble: Optional[str] = None
+        self.unused: Optional[str] = None
         self._sensors: Dict[str, Sensor] = {}
         self._senders = Senders()
 
     def add(self, observation: Observation, now: float, max_height: float) -> None:
-        """Keep what one of its sensors saw."""
+        """Keep an observation of one of its sensors.
+
+        Args:
+            observation: In the costmap's frame.
+            now: Present time (s).
+            max_height: Height (m) above which the layer marks no obstacles.
+        """
         frame = observation.frame
         rays = prepare(observation, self.parameters, max_height)
         self._senders.hear(frame, now, is_guest=not observation.rides)
@@ -137,9 +164,9 @@ class ObservationSource:
         self.trouble = self.unused = None
 
     def _overlooks(self, observation: Observation, max_height: float) -> Optional[str]:
-        """Return why nothing a level lidar hits can become an obstacle, None where it can.
+        """Return why no hit of a level lidar can become an obstacle, None where hits can.
 
-        One that is mounted below or above the heights that count shows free space whatever is there.
+        One mounted below or above the limits on heights would show free space whatever is there.
         """
         low, high = self.parameters.min_obstacle_height, min(self.parameters.max_obstacle_height, max_height)
         origin, is_lidar = observation.origin, self.parameters.data_type == "LaserScan"
@@ -158,20 +185,20 @@ class ObservationSource:
 
     @property
     def sensors(self) -> Dict[str, Sensor]:
-        """Its sensors by their frames, each of which is missed where it falls silent."""
+        """Its sensors by their frames; the source is stale when one of these falls silent."""
         return {frame: self._sensors[frame] for frame in self._senders.present}
 
     @property
     def kept(self) -> List[RayBundle]:
-        """The observations that still count."""
+        """The observations kept, of all its sensors."""
         return [rays for frame in self._senders.heard for rays in self._sensors[frame].kept]
 
     def stale_reason(self, name: str, limit: float, now: float) -> Optional[str]:
-        """Return why it shows too little of what is there, None where it does not.
+        """Return why its data are unreliable, missing or too old; None where they are good.
 
         Args:
-            name: The source's.
-            limit: Age (s) beyond which what a sensor saw says nothing; 0 for never.
+            name: The source's name.
+            limit: Largest age (s) of a sensor's data; 0 for no limit.
             now: Time (s).
         """
         parameters = self.parameters
@@ -206,12 +233,12 @@ class ObservationSource:
 
 
 def prepare(observation: Observation, source: SourceParameters, max_height: float) -> RayBundle:
-    """Return an observation's rays with heights and ranges looked at once.
+    """Return an observation prepared for the kernels, limits on heights and ranges applied.
 
     Args:
-        observation: What was seen.
-        source: The sensor's limits.
-        max_height: The layer's own limit (m) on what becomes an obstacle.
+        observation: In the costmap's frame.
+        source: The source's parameters.
+        max_height: Height (m) above which the layer marks no obstacles.
     """
     points = np.ascontiguousarray(observation.points, dtype=np.float64)
     hits = np.ones(len(points), np.bool_) if observation.hits is None else np.ascontiguousarray(observation.hits, bool)

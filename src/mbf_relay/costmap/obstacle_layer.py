@@ -1,4 +1,4 @@
-"""What scanners and depth cameras see, marked and cleared (costmap_2d's ObstacleLayer and VoxelLayer)."""
+"""Obstacles marked and cleared by lidars and depth cameras (costmap_2d's ObstacleLayer and VoxelLayer)."""
 
 from __future__ import annotations
 
@@ -18,9 +18,10 @@ from mbf_relay.grid import Grid
 from mbf_relay.parameters import ParameterSet, parameter, without_effect
 
 OVERWRITE, MAXIMUM, NOTHING = 0, 1, 99
+"""Values of combination_method, as in costmap_2d."""
 
 UNSEEN = 0.1
-"""Radians between two rays side by side beyond which something is not looked at that a turn would show."""
+"""Angle (rad) between neighbouring rays above which the sensors do not cover all directions."""
 
 S = TypeVar("S", bound="ObstacleLayerParameters")
 
@@ -49,11 +50,11 @@ class ObstacleLayerParameters(ParameterSet):
     source_parameters: Mapping[str, SourceParameters] = parameter({}, "read from the sources' groups; not to be set")
 
     source_defaults: ClassVar[Mapping[str, Any]] = {}
-    """What a source of such a layer has where its group does not say, and SourceParameters has otherwise."""
+    """Defaults of this layer's sources that differ from those of SourceParameters."""
 
     @classmethod
     def known(cls, values: Mapping[str, Any]) -> Dict[str, Any]:
-        """Return the layer's own values, and its sources' parameters out of their groups."""
+        """Return the layer's own values, and as `source_parameters` those of its sources' groups."""
         sources = {name: source for name, (source, _notes) in cls._sources_in(values).items()}
         return {**super().known(values), "source_parameters": sources}
 
@@ -64,7 +65,7 @@ class ObstacleLayerParameters(ParameterSet):
 
     @classmethod
     def read(cls: Type[S], values: Mapping[str, Any]) -> Tuple[S, List[str]]:
-        """Make one as ParameterSet.read does; the notes on a source's values name it."""
+        """Read the parameters as ParameterSet.read does, with notes on the sources' values as well."""
         parameters, notes = super().read(values)
         for name, (_source, of_source) in cls._sources_in(values).items():
             notes += [f"observation source '{name}': {note}" for note in of_source]
@@ -72,7 +73,7 @@ class ObstacleLayerParameters(ParameterSet):
 
     @classmethod
     def _sources_in(cls, values: Mapping[str, Any]) -> Dict[str, Tuple[SourceParameters, List[str]]]:
-        """Return each source's parameters, out of its group, and the notes on them."""
+        """Return the parameters in each source's group, and the notes on them."""
         above = {key: values[key] for key in ("obstacle_range", "raytrace_range") if key in values}
         inherited = {**cls.source_defaults, **above}
         sources = {}
@@ -93,7 +94,7 @@ class ObstacleLayerParameters(ParameterSet):
 
 
 class ObstacleLayer(CellLayer):
-    """Keeps what was seen: rays free the cells they pass, what they hit becomes lethal, until a ray passes there."""
+    """Keeps observed obstacles: cells hit by rays are lethal, until a ray passes them and frees them."""
 
     Parameters = ObstacleLayerParameters
     parameters: ObstacleLayerParameters
@@ -103,9 +104,9 @@ class ObstacleLayer(CellLayer):
         super().__init__(name, parameters)
         self.default_cost = NO_INFORMATION if parameters.track_unknown_space else FREE_SPACE
         self._sources = {key: ObservationSource(value) for key, value in parameters.source_parameters.items()}
-        self._drawn: List[RayBundle] = []  # what the cells show, but for what the robot stood on since
+        self._drawn: List[RayBundle] = []  # observations the cells already show
         self._freed = EMPTY  # where the robot stood at the last update
-        self._outline, self._outline_reach = np.zeros((0, 2)), 0.0  # the footprint, and how far (m) it reaches
+        self._outline, self._outline_reach = np.zeros((0, 2)), 0.0  # the footprint, and its circumscribed radius (m)
 
     @property
     def sources(self) -> Mapping[str, SourceParameters]:
@@ -145,11 +146,11 @@ class ObstacleLayer(CellLayer):
         stands = self.parameters.footprint_clearing_enabled
         observed = [rays for _, bundles in kept for rays in bundles]
         if observed == self._drawn:
-            observed = clearing = []  # they would free again what is free; only the robot may have moved
+            observed = clearing = []  # nothing new to clear; only the robot may have moved
         else:
             self._drawn = observed
         left, self._freed = self._freed, self._stood_on(context) if stands else EMPTY
-        touched = self._touched(observed, left.union(self._freed))  # what was seen where it stood shows again
+        touched = self._touched(observed, left.union(self._freed))  # marks under its last footprint show again
         if touched.is_empty:
             return window.union(self.take_pending())
         before = self.costs[touched.slices].copy()
@@ -161,16 +162,18 @@ class ObstacleLayer(CellLayer):
             self.costs.ravel()[unseen] = LETHAL
         for rays in marking:
             layer_kernels.mark_points(self.costs, *grid, rays.marks)
-        if stands:  # last: what a lidar sees of the robot's own mast is no obstacle
+        if stands:  # last, so that hits on the robot itself, as on a mast, do not stay
             free_within(self.grid, self.costs, context.footprint, context.robot_pose)
         self.touch(changed_window(before, self.costs, touched))
         return window.union(self.take_pending())
 
     def _lift_unseen(self, rays: RayBundle) -> np.ndarray:
-        """Take out the obstacles that beams without a measurement may look at, and return which, to be put back.
+        """Remove obstacles that beams without a valid reading may be hitting, and return their cells, to be put back.
 
-        What is nearer than range_min is not seen, and would go ray by ray that passes beside it. They are indices of
-        the flattened cells.
+        A lidar does not see what is nearer than range_min; rays that pass beside such an obstacle would clear it.
+
+        Returns:
+            Shape (K,), int64: row * width + column.
         """
         if len(rays.unseen) == 0:
             return np.empty(0, np.int64)
@@ -182,7 +185,7 @@ class ObstacleLayer(CellLayer):
         return found[:number]
 
     def _stood_on(self, context: LayerContext) -> Window:
-        """Return a window that holds every cell the robot may stand on."""
+        """Return a window that holds every cell under the footprint, at any heading."""
         if context.footprint is not self._outline:
             self._outline = context.footprint
             self._outline_reach = float(np.hypot(self._outline[:, 0], self._outline[:, 1]).max(initial=0.0))
@@ -190,7 +193,7 @@ class ObstacleLayer(CellLayer):
         return Window.around(self.grid, x, y, self._outline_reach).grown(1)
 
     def _touched(self, observations: List[RayBundle], stood_on: Window) -> Window:
-        """Return a window that holds every cell the observations may change and the robot stands on."""
+        """Return `stood_on` widened by every cell the observations may change, cut to the grid."""
         touched = stood_on
         for rays in observations:  # one may end a cell further
             touched = touched.union(Window.over(self.grid, rays.low, rays.high).grown(2))
@@ -234,16 +237,15 @@ class ObstacleLayer(CellLayer):
 
 
 def free_within(grid: Grid, costs: np.ndarray, footprint: np.ndarray, pose: Pose2D) -> None:
-    """Free the cells that lie wholly within a convex footprint.
+    """Set the cells that lie wholly within a convex footprint to FREE_SPACE.
 
-    Nothing but the robot can be there. A cell that the outline only crosses may hold what stands beside the robot; to
-    take it for free, as costmap_2d does, blinds the robot to what it is about to touch.
+    Cells that the outline crosses may hold an obstacle right beside the robot and stay; costmap_2d frees them too.
 
     Args:
-        grid: Where the cells lie.
+        grid: The cells' grid.
         costs: Shape (height, width), uint8.
         footprint: Corners in the base frame, shape (K, 2) in metres with K > 2.
-        pose: The base in the grid's frame.
+        pose: Pose of the base in the grid's frame.
     """
     footprint_kernels.free_within(
         costs, grid.origin_x, grid.origin_y, grid.resolution, np.ascontiguousarray(footprint, dtype=np.float64), *pose)
@@ -268,7 +270,7 @@ class VoxelLayerParameters(ObstacleLayerParameters):
 
 
 class VoxelLayer(ObstacleLayer):
-    """Marks what lies within the voxels' heights; a ray frees the cells it passes, however high above them it does."""
+    """Marks points up to the top of the highest voxel; rays of any height free the cells they pass."""
 
     Parameters = VoxelLayerParameters
     parameters: VoxelLayerParameters

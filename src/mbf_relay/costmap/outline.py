@@ -1,4 +1,4 @@
-"""The robot's outline as a polygon: read, padded, measured, and its distance from points."""
+"""The robot's outline, a polygon in the base frame: reading, padding, radii, and distances of points from it."""
 
 from __future__ import annotations
 
@@ -12,28 +12,29 @@ from mbf_relay.costmap.outline_checks import first_crossing, footprint_trouble
 from mbf_relay.geometry import Pose2D, convex_hull
 
 LARGEST_ROBOT = 100.0
-"""Metres from the base frame to a corner; an outline is followed cell by cell."""
+"""Largest coordinate (m) of a corner: outlines are followed cell by cell."""
 MOST_CORNERS = 1000
-"""Corners of an outline."""
+"""Corners an outline may have."""
 FARTHEST = 400
-"""Cells from the base frame to a corner: of outlines larger than that, too few headings could be drawn beforehand."""
+"""Largest distance (cells) of a corner from the base: for larger outlines too few headings could be precomputed."""
 LONGEST_SHOWN = 200
-"""Characters of an outline that a refusal repeats."""
+"""Characters of a footprint that an error repeats."""
 CIRCLE_CORNERS = 16
-"""Corners of the polygon that stands for a round robot, as in costmap_2d."""
+"""Corners of the polygon used for a round robot, as in costmap_2d."""
 
 
 def parse_footprint(value: Any) -> np.ndarray:
     """Return a footprint parameter as corners, shape (K, 2) in metres; K is 0 for an empty list.
 
-    Of one that crosses itself, as a rectangle does whose corners are listed row by row, it is the outline round them
-    all: costmap_2d drives such robots, and this holds all that the corners can mean.
+    One that crosses itself, as a rectangle with corners listed row by row, is replaced by its convex hull, which holds
+    whatever was meant; costmap_2d accepts such footprints.
 
     Args:
         value: A list of [x, y] pairs, or a text that holds one, as costmap_2d takes both.
 
     Raises:
-        ValueError: It is no such list, has one or two points, a number that is not finite, or no robot can have it.
+        ValueError: It is no such list, has one or two points, or numbers that are not finite or above LARGEST_ROBOT,
+            encloses no area, or does not hold the base frame's origin.
     """
     corners = _corners_told(value)
     if len(corners) == 0:
@@ -47,7 +48,7 @@ def parse_footprint(value: Any) -> np.ndarray:
 
 
 def notes_on(value: Any) -> List[str]:
-    """Return what was made of a footprint parameter that can be read, one line each; none where it is as it stands."""
+    """Return a note if a valid footprint parameter crosses itself and its convex hull is used instead; else nothing."""
     corners = _corners_told(value)
     if len(corners) == 0 or first_crossing(corners) is None:
         return []
@@ -56,7 +57,7 @@ def notes_on(value: Any) -> List[str]:
 
 
 def _corners_told(value: Any) -> np.ndarray:
-    """Return the corners of a footprint parameter in the order they are told; see `parse_footprint`."""
+    """Return the corners of a footprint parameter as given, (K, 2) in metres; see `parse_footprint`."""
     points = value
     if isinstance(value, str):
         try:
@@ -81,7 +82,7 @@ def _corners_told(value: Any) -> np.ndarray:
 
 
 def _shown(value: Any) -> str:
-    """Return a footprint as a line of a log bears it."""
+    """Return a footprint's text for a log line, shortened where it is too long."""
     text = repr(value)
     return text if len(text) <= LONGEST_SHOWN else f"{text[:LONGEST_SHOWN]}... ({len(text)} characters)"
 
@@ -92,7 +93,7 @@ def check_padded(outline: np.ndarray, padding: float, resolution: float) -> None
     Args:
         outline: Without padding, shape (K, 2) in metres.
         padding: How far (m) its corners are moved outwards.
-        resolution: Side (m) of the cells it is looked at in.
+        resolution: Side (m) of the costmap's cells.
     """
     footprint = padded(outline, padding)
     least = float(min(outline.max(axis=0).min(), -outline.min(axis=0).max()))  # of its reach to the four sides
@@ -108,7 +109,7 @@ def check_padded(outline: np.ndarray, padding: float, resolution: float) -> None
 
 
 def footprint_from_radius(radius: float) -> np.ndarray:
-    """Return the polygon of 16 corners that stands for a round robot, shape (16, 2) in metres."""
+    """Return the polygon used for a round robot of a radius (m), shape (16, 2) in metres."""
     if not (math.isfinite(radius) and radius >= 0.0):
         raise ValueError(f"robot_radius is {radius} m; it must be 0 or more")
     angles = np.arange(CIRCLE_CORNERS) * (2.0 * math.pi / CIRCLE_CORNERS)
@@ -137,36 +138,33 @@ def radii(footprint: np.ndarray) -> Tuple[float, float]:
 
 
 OWN_DEPTH = 0.03
-"""Metres inside of the footprint from which on a reading is the robot's own; nearer to its edge it may be a contact."""
+"""Depth (m) inside the outline from which on a hit is on the robot itself; nearer to the edge it may be an obstacle."""
 
 
 def are_own(points: np.ndarray, base: Pose2D, outline: np.ndarray) -> np.ndarray:
-    """Return which points are of the robot itself: bool of shape (N,).
-
-    A mast or pillars in a lidar's view are no obstacles, and do not move about the robot, but with it.
+    """Return which points are hits on the robot itself, such as a mast in a lidar's view: bool of shape (N,).
 
     Args:
-        points: Shape (N, 2) or more, in metres, as seen from some frame.
-        base: The robot in that frame.
-        outline: Its own, shape (K, 2) in metres, in its frame.
+        points: Shape (N, 2) or (N, 3), in metres, in any frame.
+        base: Pose of the robot's base in that frame.
+        outline: The robot's outline without padding, shape (K, 2) in metres, in the base frame.
     """
     reach = np.hypot(outline[:, 0], outline[:, 1]).max(initial=0.0)
     squared, y = points[:, 0] - base.x, points[:, 1] - base.y
-    # of what is as far away as no number tells, or none, which NumPy 1.17 warns of; hypot would take its time for it
+    # squares may overflow or be NaN, of which NumPy 1.17 warns; np.hypot would be slower
     with np.errstate(over="ignore", invalid="ignore"):
         squared *= squared
         y *= y
         squared += y
-        own: np.ndarray = squared < reach * reach  # False for what is no number
+        own: np.ndarray = squared < reach * reach  # False for NaN
     if own.any():
         own[own] = clearances(base.inverse().transform_points(points[own]), outline) <= -OWN_DEPTH
     return own
 
 
 def clearances(points: np.ndarray, outline: np.ndarray) -> np.ndarray:
-    """Return how far each point lies from an outline, below zero for points inside of it: (N, 2) in, (N,) metres out.
-    """
-    (x, y), starts = points[:, :2].T, outline[:, :, None]  # an edge a row, for points are many
+    """Return the distance (m) of points, (N, 2), from an outline, (K, 2), negative inside: (N,); all in one frame."""
+    (x, y), starts = points[:, :2].T, outline[:, :, None]  # arrays of shape (K, N): points are many, edges few
     edges = np.roll(starts, -1, axis=0) - starts
     to_x, to_y = x - starts[:, 0], y - starts[:, 1]
     squared_lengths = np.maximum(edges[:, 0] * edges[:, 0] + edges[:, 1] * edges[:, 1], 1e-18)

@@ -1,4 +1,4 @@
-"""Whether an outline is one that a robot can have."""
+"""Checks whether a polygon can be the outline of a robot."""
 
 from __future__ import annotations
 
@@ -10,16 +10,19 @@ import numpy as np
 from mbf_relay.geometry import polygon_area
 
 LEAST_AREA = 1e-6
-"""Square metres below which corners lie on a line: what they stand for would fit anywhere."""
+"""Area (m²) below which the corners count as lying on a line."""
 ON_OUTLINE = 1e-9
-"""Metres from an outline within which a point lies on it."""
+"""Distance (m) from an outline within which a point counts as on it."""
 
 
 def footprint_trouble(corners: np.ndarray, inscribed: float) -> str:
-    """Return what is wrong with a footprint (K, 2) of a radius `inscribed` (m), empty for one that a robot can have.
+    """Return what is wrong with a footprint, as the end of an error's text; empty if a robot can have it.
 
-    It must not cross itself. costmap_2d takes its inner radius for that of a circle round the base frame: where the
-    frame lies outside, the robot would be taken for one that fits nowhere or everywhere.
+    The inscribed radius is measured from the base frame's origin, which therefore must lie within the footprint.
+
+    Args:
+        corners: Shape (K, 2) in metres; the polygon must not cross itself.
+        inscribed: Its inscribed radius (m).
     """
     if polygon_area(corners) < LEAST_AREA:
         return "encloses no area: its corners lie on a line"
@@ -29,7 +32,7 @@ def footprint_trouble(corners: np.ndarray, inscribed: float) -> str:
 
 
 def _holds_origin(corners: np.ndarray) -> bool:
-    """Return whether the origin is inside of the outline: its edges go round it once."""
+    """Return whether the origin is inside of an outline, (K, 2): its edges then turn around it once."""
     x, y = np.ascontiguousarray(corners.T)
     angles = np.arctan2(y, x)
     turns = np.diff(np.append(angles, angles[0]))
@@ -38,11 +41,11 @@ def _holds_origin(corners: np.ndarray) -> bool:
 
 
 def first_crossing(corners: np.ndarray) -> Optional[Tuple[int, int]]:
-    """Return the indices of two edges that cross in their inside, None where none do."""
+    """Return the indices of two edges of a polygon, (K, 2), that cross between their ends; None for none."""
     ends = np.roll(corners, -1, axis=0)
-    starts_aside = _sides(corners, ends, corners)  # of edge i, where corner j lies
+    starts_aside = _sides(corners, ends, corners)  # [i, j]: side of edge i on which corner j lies
     ends_aside = np.roll(starts_aside, -1, axis=1)
-    parts = starts_aside * ends_aside < 0.0  # edge i lies between the ends of edge j
+    parts = starts_aside * ends_aside < 0.0  # [i, j]: the line of edge i separates the ends of edge j
     crossings = np.argwhere(np.triu(parts & parts.T))
     return (int(crossings[0][0]), int(crossings[0][1])) if len(crossings) else None
 

@@ -67,7 +67,7 @@ class CostmapParameters(ParameterSet):
 
     def check(self) -> None:
         parse_footprint(self.footprint)
-        # refused, where a minimum would have dynamic_reconfigure take the finest one instead
+        # raises, since dynamic_reconfigure would clamp to a declared minimum
         if self.resolution < FINEST:
             raise ValueError(f"parameter resolution is {self.resolution:g} m; it must be at least {FINEST:g} m")
         for name, side in (("width", self.width), ("height", self.height)):
@@ -84,10 +84,10 @@ class CostmapParameters(ParameterSet):
 
     @classmethod
     def read(cls: Type[T], values: Mapping[str, Any]) -> Tuple[T, List[str]]:
-        """As ParameterSet.read; a window that moves with the robot is taken at least twice as wide as that.
+        """Read the parameters as ParameterSet.read does; widen a rolling window to twice the robot's diameter at least.
 
-        costmap_2d leaves it, and whoever drives with it sees nothing of what the robot reaches; or hardly more, and
-        creeps, for beyond it nobody has looked.
+        In a smaller one, which costmap_2d accepts, the controller does not see where the robot drives, and the robot
+        stands or creeps.
         """
         parameters, notes = super().read(values)
         footprint = padded(parameters.outline(), parameters.footprint_padding)
@@ -101,7 +101,7 @@ class CostmapParameters(ParameterSet):
         return parameters.replace(width=width, height=height), notes
 
     def read_as(self) -> List[str]:
-        """Tell of a footprint that crosses itself."""
+        """Return a note on a footprint that crosses itself."""
         return notes_on(self.footprint)
 
     def outline(self) -> np.ndarray:
@@ -110,6 +110,6 @@ class CostmapParameters(ParameterSet):
         return corners if len(corners) else footprint_from_radius(self.robot_radius)
 
     def grid(self) -> Grid:
-        """Return the grid these parameters ask for."""
+        """Return the grid of width, height, resolution and origin, rounded down to whole cells."""
         columns, rows = int(self.width / self.resolution + 1e-9), int(self.height / self.resolution + 1e-9)
         return Grid(self.resolution, self.origin_x, self.origin_y, columns, rows)

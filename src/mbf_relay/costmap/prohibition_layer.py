@@ -1,4 +1,4 @@
-"""Places where a robot must not go, listed in its parameters (costmap_prohibition_layer's layer)."""
+"""Prohibited areas listed in parameters (costmap_prohibition_layer's CostmapProhibitionLayer)."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from mbf_relay.grid import Grid
 from mbf_relay.parameters import LARGEST, ParameterSet, parameter
 
 MOST_CORNERS = 10000
-"""Corners of all areas together: more are no list that somebody wrote."""
+"""Corners that all areas may have together."""
 
 
 @dataclass(frozen=True)
@@ -30,12 +30,12 @@ class ProhibitionLayerParameters(ParameterSet):
         is_frame=True)
 
     def check(self) -> None:
-        """Raise ValueError where an area is none; the text names it."""
+        """Raise ValueError for an entry that is no area; the text names it."""
         areas_of(self.prohibition_areas)
 
 
 class ProhibitionLayer(PlacedLayer):
-    """Marks what may not be driven on. Listed before the inflation layer, areas are inflated as obstacles are."""
+    """Makes prohibited areas lethal. Listed before the inflation layer, they are inflated as obstacles are."""
 
     Parameters = ProhibitionLayerParameters
     parameters: ProhibitionLayerParameters
@@ -81,14 +81,17 @@ class ProhibitionLayer(PlacedLayer):
         rows, columns = np.ogrid[window.slices]
         x, y = grid.origin_x + (columns + 0.5) * grid.resolution, grid.origin_y + (rows + 0.5) * grid.resolution
         within = np.zeros(np.broadcast(x, y).shape, dtype=bool)
-        for (x0, y0), (x1, y1) in zip(corners, np.roll(corners, -1, axis=0)):  # a ray to the right crosses it or not
+        for (x0, y0), (x1, y1) in zip(corners, np.roll(corners, -1, axis=0)):  # even-odd rule
             if y0 != y1:
                 within ^= ((y0 > y) != (y1 > y)) & (x < x0 + (y - y0) * (x1 - x0) / (y1 - y0))
         self.costs[window.slices][within] = LETHAL
 
 
 def clipped(begin: np.ndarray, end: np.ndarray, grid: Grid) -> Optional[Tuple[np.ndarray, np.ndarray]]:
-    """Return the part of a line that lies in the box of a grid; None where it passes beside it or ends before it."""
+    """Return the part of a line from `begin` to `end`, (2,) in metres, that may lie in a grid; None where none does.
+
+    An axis-parallel line beside the grid is not always left out.
+    """
     low = np.array([grid.origin_x, grid.origin_y])
     high, way = low + grid.resolution * np.array([grid.width, grid.height]), end - begin
     first, last = 0.0, 1.0
@@ -103,7 +106,7 @@ def areas_of(listed: Any) -> List[np.ndarray]:
     """Return the corners of each area of a list, (K, 2) in metres.
 
     Raises:
-        ValueError: It is no list, or one of its entries is no area; the text names it.
+        ValueError: It is no list, has too many corners, or one of its entries is no area; the text names it.
     """
     if not isinstance(listed, (list, tuple)):
         raise ValueError(f"parameter prohibition_areas is {listed!r}; it must be a list")

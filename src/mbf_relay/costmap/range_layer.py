@@ -1,8 +1,8 @@
 """What sonars and infrared rangers measure, as probabilities of cells (range_sensor_layer's RangeSensorLayer).
 
-A ranger tells how far away the nearest thing in its cone is, and not where in the cone. So a reading makes cells along
-its arc likelier to be occupied, most of all those in its middle, and those before it less likely; a cell is an obstacle
-where enough readings say so, until others say otherwise. The sensor's model and its figures are those of the C++ layer.
+A ranger measures the distance to the nearest object in its cone, but not the direction. So a reading raises the
+probability of cells along its arc, most in the middle of the cone, and lowers that of cells before the arc. Cells are
+lethal above mark_threshold and free below clear_threshold. Sensor model and constants are those of the C++ layer.
 """
 
 from __future__ import annotations
@@ -23,14 +23,15 @@ from mbf_relay.grid import Grid
 from mbf_relay.parameters import ParameterSet, parameter, without_effect
 
 UNDECIDED = 0.5
+"""Probability of a cell without readings."""
 SUREST = 0.95
-"""Probability that no cell exceeds, nor 1 less it fall below: what is certain no reading would ever change."""
+"""Probabilities are limited to 1 - SUREST and SUREST, so that later readings can change them."""
 MOST_READINGS = 100
-"""Kept for the next update: a layer that is switched off has none for hours."""
+"""Readings kept until the next update: a disabled layer has none for a long time."""
 FARTHEST = 10.0
-"""Metres from which on no ranger is believed to have met something; it frees no farther cells either."""
+"""Metres above which a reading is not taken for an obstacle; cells beyond are not freed either."""
 FADES = 2.0
-"""Per metre: how fast a reading loses its weight round the distance `phi`."""
+"""Slope (1/m) with which a reading's weight falls around the distance `phi`."""
 
 
 @dataclass(frozen=True)
@@ -67,12 +68,12 @@ class RangeSensorLayerParameters(ParameterSet):
         return [f"{self.ns.rstrip('/')}/{topic.lstrip('/')}" if self.ns else topic for topic in self.topics]
 
     def read_as(self) -> List[str]:
-        """Return a note where nothing is listened to."""
+        """Return notes as ParameterSet.read_as does, with one where there are no topics."""
         return [*super().read_as(), *([] if self.topics else ["parameter topics is empty: the layer sees nothing"])]
 
 
 class RangeSensorLayer(CellLayer):
-    """Keeps for each cell how likely something is there, from readings of rangers; see the module.
+    """Keeps for each cell the probability of an obstacle, from readings of rangers; see the module.
 
     A reading is an observation of three rays: the cone's right edge, its middle and its left edge.
     """
@@ -99,7 +100,7 @@ class RangeSensorLayer(CellLayer):
     def observe(self, source: str, observation: Observation, now: float) -> None:
         self._heard[source] = observation.stamp
         self._refused.pop(source, None)
-        if len(observation.points) == 3:  # all of the cone; none where the reading says nothing
+        if len(observation.points) == 3:  # else the reading is no measurement
             self._readings.append(observation)
 
     def refuse(self, source: str, reason: str, is_blind: bool) -> None:
@@ -142,7 +143,7 @@ class RangeSensorLayer(CellLayer):
         self._show(window if inside else Window.of(self.grid))
 
     def _take(self, reading: Observation) -> None:
-        """Weigh a reading into the cells of its cone."""
+        """Update the probabilities of the cells in a reading's cone (Bayes' rule)."""
         origin, hit = np.array(reading.origin[:2]), reading.hits is None or bool(reading.hits[1])
         edges = reading.points[:, :2] - origin
         right, ahead, left = edges
@@ -152,8 +153,8 @@ class RangeSensorLayer(CellLayer):
         distance, edges = min(distance, FARTHEST), edges * min(1.0, FARTHEST / distance)
         half = 0.5 * float(abs(math.atan2(left[1], left[0]) - math.atan2(right[1], right[0])))
         half = min(half, math.pi - half)
-        band = self.grid.resolution * max(distance, 1.0)  # of the arc, to either side; a cell at least
-        bulge = band + distance * (1.0 - math.cos(0.5 * half))  # of the arc over the lines between the three ends
+        band = self.grid.resolution * max(distance, 1.0)  # m to either side of the arc; a cell at least
+        bulge = band + distance * (1.0 - math.cos(0.5 * half))  # m that the arc may lie outside the box of the ends
         corners = np.vstack((origin, origin + edges))
         window = Window.over(self.grid, corners.min(axis=0) - bulge, corners.max(axis=0) + bulge).within(self.grid)
         if window.is_empty:
@@ -175,7 +176,7 @@ class RangeSensorLayer(CellLayer):
         self._show(window)
 
     def _show(self, window: Window) -> None:
-        """Turn probabilities of a window into costs."""
+        """Set the costs in a window from its probabilities."""
         if window.is_empty:
             return
         probability, before = self._probability[window.slices], self.costs[window.slices].copy()
@@ -189,15 +190,15 @@ class RangeSensorLayer(CellLayer):
 def likelihood(
     away: np.ndarray, aside: np.ndarray, distance: float, half: float, band: float, phi: float
 ) -> np.ndarray:
-    """Return how likely a reading makes cells occupied: 0.5 where it says nothing of them, shape of `away`.
+    """Return the probability that cells are occupied, given a reading: 0.5 where it tells nothing; shape of `away`.
 
     Args:
-        away: Their distances (m) from the sensor.
-        aside: Their angles (rad) from the middle of its cone, at least 0.
+        away: Distances (m) of the cells from the sensor.
+        aside: Angles (rad) of the cells from the middle of the cone, 0 or above.
         distance: The reading (m).
-        half: Half the cone's width (rad).
-        band: Half the width (m) of the arc on which something is.
-        phi: Distance (m) at which a reading weighs half.
+        half: Half the cone's angle (rad).
+        band: Half the thickness (m) of the arc that may be occupied.
+        phi: Distance (m) at which a reading has half its weight.
     """
     fading = 0.5 * (1.0 - np.tanh(FADES * (away - phi)))
     weight = fading * np.clip(1.0 - (aside / max(half, 1e-9)) ** 2, 0.0, None)

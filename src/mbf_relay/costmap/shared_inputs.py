@@ -1,4 +1,4 @@
-"""Which layers of a costmap take what one sensor sees."""
+"""Which layers of a costmap share an observation source."""
 
 from __future__ import annotations
 
@@ -7,14 +7,14 @@ from typing import Any, Dict, Iterable, List, Tuple
 from mbf_relay.costmap.layer import Layer
 
 READ_BY = ("topic", "data_type", "sensor_frame", "inf_is_valid", "largest_gap", "observation_persistence")
-"""Parameters of a sensor that its messages are taken and read by; the others each layer keeps to by itself."""
+"""Parameters that must agree for layers to share a source; they say how its messages are received and converted."""
 
 
 def inputs_of(layers: Iterable[Layer]) -> Dict[str, List[Tuple[Layer, str]]]:
-    """Return which layers take what each sensor sees, and what they call it, by the sensors' names.
+    """Return the layers that take each source, each with its own name for it, by the source's name in the costmap.
 
-    Layers that give one name to what comes on one topic, and read it alike, share it. A name that an earlier layer has
-    for something else is told as LAYER/NAME.
+    Layers whose sources agree in name and in READ_BY share one. Where an earlier layer uses the name for another
+    source, the name in the costmap is LAYER/NAME.
     """
     result: Dict[str, List[Tuple[Layer, str]]] = {}
     for layer in layers:

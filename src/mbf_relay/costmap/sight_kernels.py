@@ -1,7 +1,7 @@
 # mypy: allow-untyped-defs, allow-untyped-calls
 """Compiled loops over lines of sight on a costmap.
 
-`_LETHAL` is cost_grid's, copied because numba's cache notices changes of its own file alone; a test compares them.
+`_LETHAL` is a copy of cost_grid's: numba's cache only notices changes of the kernel's own file. A test compares them.
 """
 
 from __future__ import annotations
@@ -17,8 +17,7 @@ _LETHAL = 254
 
 @kernel("boolean(uint8[:,::1], float64, float64, float64, float64, float64, float64, float64)")
 def _is_seen(costs, origin_x, origin_y, resolution, x, y, dx, dy):
-    """Return whether the way (dx, dy) in metres from (x, y) crosses no lethal or unknown cell before the grid's edge.
-    """
+    """Return whether the line from (x, y) to (x + dx, y + dy) (m) meets no lethal or unknown cell within the grid."""
     height, width = costs.shape
     count = int(math.hypot(dx, dy) / (0.5 * resolution)) + 1
     for i in range(1, count + 1):
@@ -33,14 +32,14 @@ def _is_seen(costs, origin_x, origin_y, resolution, x, y, dx, dy):
 
 @kernel("void(uint8[:,::1], float64, float64, float64, float64, float64, float64[:,::1], uint8[::1])")
 def in_sight(costs, origin_x, origin_y, resolution, x, y, points, seen):
-    """Mark the points whose straight line from (x, y) crosses no lethal or unknown cell; what is outside is not judged.
+    """Find the points in line of sight: no lethal or unknown cell lies on the line, as far as it is within the grid.
 
     Args:
         costs: Shape (H, W), uint8.
-        origin_x, origin_y, resolution: Where the cells lie.
-        x, y: Where from (m).
-        points: Shape (N, 2) in metres.
-        seen: Shape (N,): filled with 1 or 0.
+        origin_x, origin_y, resolution: The grid's lower left corner and the side of its cells (m).
+        x, y: Start of the lines (m).
+        points: Shape (N, 2) in metres: their ends.
+        seen: Shape (N,), filled with 1 for in sight and 0.
     """
     for n in range(points.shape[0]):
         seen[n] = np.uint8(_is_seen(costs, origin_x, origin_y, resolution, x, y, points[n, 0] - x, points[n, 1] - y))
@@ -49,13 +48,13 @@ def in_sight(costs, origin_x, origin_y, resolution, x, y, points, seen):
 @kernel(
     "boolean(uint8[:,::1], float64, float64, float64, float64, float64, float64[:,::1], float64[:,::1], float64)")
 def sees_way(costs, origin_x, origin_y, resolution, x, y, corners, poses, apart):
-    """Return whether a footprint's corners are in sight from (x, y) all along a way.
+    """Return whether a footprint's corners are in line of sight of (x, y) at all poses of a path.
 
     Args:
         costs, origin_x, origin_y, resolution, x, y: As for `in_sight`.
-        corners: Shape (K, 2), of the footprint in the base frame (m).
-        poses: Shape (N, 3): the way.
-        apart: How far (m) before each corner the look at it ends.
+        corners: Shape (K, 2): the footprint's corners (m) in the base frame.
+        poses: Shape (N, 3): the path.
+        apart: Distance (m) before each corner at which the line of sight to it ends.
     """
     for n in range(poses.shape[0]):
         cos, sin = math.cos(poses[n, 2]), math.sin(poses[n, 2])

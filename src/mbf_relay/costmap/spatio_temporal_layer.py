@@ -1,4 +1,4 @@
-"""What sensors see, forgotten after a time (for spatio_temporal_voxel_layer's SpatioTemporalVoxelLayer)."""
+"""Obstacles that decay with time (spatio_temporal_voxel_layer's SpatioTemporalVoxelLayer)."""
 
 from __future__ import annotations
 
@@ -15,7 +15,9 @@ from mbf_relay.parameters import parameter, without_effect
 from mbf_relay.timing import SET_BACK
 
 LINEAR, EXPONENTIAL, PERSISTENT = 0, 1, -1
+"""Values of decay_model."""
 NEVER = -np.inf
+"""Time (s) at which cells without observations were last seen."""
 
 
 @dataclass(frozen=True)
@@ -49,10 +51,10 @@ class SpatioTemporalLayerParameters(ObstacleLayerParameters):
 
 
 class SpatioTemporalLayer(ObstacleLayer):
-    """Marks what sensors see, and forgets it when none has seen it for `voxel_decay`, wherever they look by then.
+    """Marks obstacles, and frees each when no sensor has seen it for `voxel_decay`, whether or not rays pass there.
 
-    A depth camera that has turned away, or sees nothing where somebody stood, frees nothing by its rays. What its last
-    picture shows stays, as in C++: no other says that it has gone.
+    This is for depth cameras, which clear nothing where they no longer look or have no reading. Obstacles in the newest
+    observation stay, however old it is, as in C++.
     """
 
     Parameters = SpatioTemporalLayerParameters
@@ -76,7 +78,7 @@ class SpatioTemporalLayer(ObstacleLayer):
         return window.union(self.take_pending())
 
     def _note_what_is_seen(self, now: float) -> np.ndarray:
-        """Note when what was seen of late was seen, and return its cells, as indices of the flattened ones."""
+        """Record when marked cells were last seen; return those of the kept observations, as row * width + column."""
         seen = [np.empty(0, np.int64)]
         for source in self._sources.values():
             for rays in source.kept if source.parameters.marking else ():

@@ -1,4 +1,4 @@
-"""The static layer: what a map of the floor says (costmap_2d's StaticLayer)."""
+"""The static layer: costs from an occupancy map (costmap_2d's StaticLayer)."""
 
 from __future__ import annotations
 
@@ -36,8 +36,9 @@ class StaticLayerParameters(ParameterSet):
 class StaticLayer(PlacedLayer):
     """Turns a map's values into costs.
 
-    A costmap that is not a rolling window takes the size and resolution of its first static layer's map. Of a map
-    that its origin turns it holds all; what lies beside that is as unknown as what the map does not know.
+    Without rolling_window, a costmap takes size, resolution and origin from its first static layer's map. Where the
+    map's origin is rotated, that is an upright grid around the whole map; cells beside the map are treated as its
+    unknown ones.
     """
 
     maps_floor = True
@@ -77,7 +78,7 @@ class StaticLayer(PlacedLayer):
         self.touch(Window.of(self.grid))
 
     def update_map(self, x: int, y: int, data: np.ndarray) -> None:
-        """Raises ValueError where the part does not lie within the map."""
+        """Take an update of a part of the map; raise ValueError where it does not lie within the map."""
         rows, columns = data.shape
         height, width = self._map_costs.shape
         if self._map is None:
@@ -107,18 +108,18 @@ class StaticLayer(PlacedLayer):
             origin = self._map.origin
             if self._spans_costmap() and not self.parameters.use_maximum:
                 costs[window.slices] = self._table[self.parameters.unknown_cost_value % 256]
-            # the map's own origin may be turned; its cells are then looked up in the map's axes
+            # in the map's own axes, since its origin may be rotated
             in_cells = origin.inverse().compose(at)
             layer_kernels.sample_map(
                 costs, *window, self.grid.origin_x, self.grid.origin_y, self.grid.resolution, self._map_costs, 0.0, 0.0,
                 self._map.resolution, in_cells.x, in_cells.y, in_cells.theta, self.parameters.use_maximum)
 
     def _lies_on_grid(self) -> bool:
-        """Return whether the map's cells are the costmap's, as where the costmap took its size of this map."""
+        """Return whether the map's cells coincide with the costmap's, as when it gave the costmap its size."""
         return self._map is not None and self._map.origin.theta == 0.0 and self._spans_costmap()
 
     def _spans_costmap(self) -> bool:
-        """Return whether the costmap is just so large that it holds this map, as where it took its size of it."""
+        """Return whether the costmap is the upright grid around this map, as when it gave the costmap its size."""
         return (self._map is not None and self.grid == self._map.upright_grid
                 and not self.rolling and self.own_from_costmap == IDENTITY)
 

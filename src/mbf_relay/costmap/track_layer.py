@@ -1,4 +1,4 @@
-"""The track layer: follows what moves in the scans, hands it to controllers, and keeps a distance of it where asked."""
+"""The track layer: tracks moving obstacles in laser scans, for controllers, and can add costs around them."""
 
 from __future__ import annotations
 
@@ -23,7 +23,8 @@ from mbf_relay.tracking.track import Track
 from mbf_relay.tracking.tracker import Tracker
 
 _Lidar = Tuple[str, str]  # source and frame
-REACH = 3.0  # deviations beyond which personal space costs nothing worth writing
+REACH = 3.0
+"""Standard deviations beyond which the cost of personal space is neglected."""
 
 
 @dataclass(frozen=True)
@@ -44,31 +45,31 @@ class TrackLayerParameters(TrackerParameters):
 
     @classmethod
     def known(cls, values: Mapping[str, Any]) -> Dict[str, Any]:
-        """Return the layer's own values, and its lidars' parameters out of their groups."""
+        """Return the layer's own values, and as `source_parameters` those of its lidars' groups."""
         sources = ObstacleLayerParameters.known(values)["source_parameters"]
         scans = {name: source for name, source in sources.items() if source.data_type == "LaserScan"}
         return {**super().known(values), "source_parameters": scans}
 
     @classmethod
     def groups(cls, values: Mapping[str, Any]) -> List[str]:
-        """Return the names of the sources, those that are no lidars too."""
+        """Return the names of all sources, including those that are no lidars."""
         return ObstacleLayerParameters.groups(values)
 
 
 def _looks_alike(one: TrackLayerParameters, other: TrackLayerParameters) -> bool:
-    """Return whether two layers find the same in a scan."""
+    """Return whether two layers have the same sources and tracker parameters, and so find the same tracks."""
     names = TrackerParameters.types()
     return one.source_parameters == other.source_parameters and all(
         getattr(one, name) == getattr(other, name) for name in names)
 
 
 class TrackLayer(Layer):
-    """Has a tracker per lidar, also of those that share a topic.
+    """Tracks moving obstacles, with one tracker per lidar, also where lidars share a topic.
 
-    It writes nothing into the costmap but personal space, and that only where asked.
+    The only costs it writes are those of personal space, with `personal_space` above 0.
 
-    The costmap's frame should be one in which the robot moves smoothly, such as odom: in map, a correction of the pose
-    looks as if everything moved.
+    The costmap's frame should be one in which the robot's pose does not jump, such as odom: in map, a correction of the
+    pose makes everything seem to move.
     """
 
     Parameters = TrackLayerParameters
@@ -78,10 +79,10 @@ class TrackLayer(Layer):
         super().__init__(name, parameters)
         self._lidars: Dict[str, Senders] = {source: Senders() for source in parameters.source_parameters}
         self._trackers: Dict[_Lidar, Tracker] = {}
-        self._numbers = itertools.count(1)  # of all of them: what one lidar sees is not what another does
+        self._numbers = itertools.count(1)  # of tracks, unique over all trackers
         self._other: Optional[TrackLayer] = None  # see `share`
         self._frame = IDENTITY
-        self._shown: Dict[_Lidar, Tuple[Tracker, Pose2D]] = {}  # who looked for what moves in the last scan, and where
+        self._shown: Dict[_Lidar, Tuple[Tracker, Pose2D]] = {}  # tracker of each lidar's last scan, and its frame
         self._written = EMPTY
         self._around: Tuple[Track, ...] = ()
 
@@ -89,7 +90,7 @@ class TrackLayer(Layer):
         super().reconfigure(parameters)
         self._other = None
         if not parameters.enabled:
-            self._trackers.clear()  # what it knew is no news when it is enabled again
+            self._trackers.clear()  # old tracks must not come back when it is enabled again
             self._shown.clear()
         for tracker in self._trackers.values():
             tracker.parameters = parameters
@@ -135,7 +136,7 @@ class TrackLayer(Layer):
         return dataclasses.replace(observation, hits=stands)
 
     def tracker_at(self, lidar: _Lidar, stamp: float) -> Optional[Tracker]:
-        """Return its own tracker of a lidar, if that lidar's scan of `stamp` (s) was the tracker's last."""
+        """Return this layer's own tracker of a lidar if its last scan was that of `stamp` (s), else None."""
         tracker = self._trackers.get(lidar)
         return tracker if tracker is not None and tracker.stamp == stamp else None
 
@@ -171,7 +172,10 @@ class TrackLayer(Layer):
             costs[part.slices] = np.where(below < INSCRIBED, np.maximum(below, cost.astype(np.uint8)), below)
 
     def _share(self, track: Track, across: np.ndarray, up: np.ndarray) -> np.ndarray:
-        """Return the share of the cost at distances (m) from a track: a bell, longer ahead of it."""
+        """Return the share, 0 to 1, of personal_space_cost at distances (m) in x and y from a track's centre.
+
+        It is a Gaussian of the distance to the obstacle's edge, wider ahead of it.
+        """
         heading = math.atan2(track.vy, track.vx)
         ahead = math.cos(heading) * across + math.sin(heading) * up
         aside = math.cos(heading) * up - math.sin(heading) * across

@@ -1,4 +1,4 @@
-"""How old a sensor's newest data usually get before newer ones come, and so when it has fallen silent."""
+"""The age that a sensor's newest data usually reach before new data come, and so when it has fallen silent."""
 
 from __future__ import annotations
 
@@ -7,17 +7,17 @@ from collections import deque
 from typing import Deque, Tuple
 
 REMEMBERED = 9
-"""Renewals that say what is usual."""
+"""Latest arrivals of data that are evaluated."""
 FEWEST = 3
-"""Renewals before which nothing is usual yet."""
+"""Arrivals needed for an estimate."""
 SHORTEST = 0.4
-"""Seconds that every sensor may be silent: to stand within half a second, at 10 Hz of control, needs no less."""
+"""Seconds that any sensor may be silent; at 10 Hz of control the robot then stops within half a second."""
 
 
 class UsualAge:
-    """Measures a sensor's period, and the age its data reach by period, sweep and latency before newer ones come.
+    """Limit on the age of a sensor's data, from its period and from the ages its data reached lately.
 
-    A fixed limit would let a lidar of 40 Hz be blind as long as one of 5 Hz, and find a busy machine's scans too old.
+    A fixed limit would allow a lidar of 40 Hz to be silent as long as one of 5 Hz, and refuse scans on a busy computer.
     """
 
     def __init__(self) -> None:
@@ -25,9 +25,11 @@ class UsualAge:
         self._limit = math.inf
 
     def renewed(self, age: float, period: float) -> None:
-        """Take note that data came that were measured `period` (s) after the last, which were `age` (s) old then.
+        """Record the arrival of new data; a negative value means that time was set back, and starts anew.
 
-        Below 0 time was set back.
+        Args:
+            age: Age (s) that the data before had reached by now.
+            period: Time (s) from their measurement to that of the new data.
         """
         if age < 0.0 or period < 0.0:
             self._renewals.clear()
@@ -41,8 +43,9 @@ class UsualAge:
             self._limit = max(SHORTEST, float(max(ages) + usual))
 
     def limit(self, longest: float) -> float:
-        """Return the age (s) from which the sensor is silent: one message may get lost, or be as late as lately.
+        """Return the age (s) above which the sensor counts as silent: the largest of late plus one usual period.
 
-        It is `longest` (s) at most, and while nothing is usual yet.
+        So one message may be lost. It is at least SHORTEST and at most `longest` (s), which holds until there are enough
+        arrivals.
         """
         return min(longest, self._limit)
