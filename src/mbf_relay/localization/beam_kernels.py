@@ -13,23 +13,24 @@ from mbf_relay.kernels import kernel
     " float64[:,::1], boolean[::1])"
 )
 def pick(readings, step, first, increment, laser, nearest, farthest, ranges, bearings, endpoints, silent):
-    """Pick every `step`-th reading of a scan but those that are no number.
+    """Pick every `step`-th reading of a scan and convert it to the base frame; NaN readings are left out.
 
     Args:
         readings: Shape (R,) in metres.
-        step: Distance between the beams picked.
+        step: Every how many readings one is picked.
         first, increment: Direction (rad) of the first reading in the sensor's frame, and from one to the next.
         laser: Pose of the sensor in the base's frame, shape (3,).
-        nearest, farthest: Limits (m) between which, themselves excluded, a reading says where something is.
-        ranges: Result (m): what is not within the limits becomes `farthest`. As all results with room for R beams.
-        bearings: Result (rad), in the base's frame.
+        nearest, farthest: Limits (m), both excluded, of valid readings.
+        ranges: Result (m), shape (R,): readings, `farthest` where they are not within the limits. Of all results only
+            the first rows, as many as are returned, are filled.
+        bearings: Result (rad), shape (R,), in the base's frame.
         endpoints: Result (m), shape (R, 2), in the base's frame.
-        silent: Result: whether nothing came back, nor from the beams to both sides.
+        silent: Result, shape (R,): whether this beam and both its picked neighbours read `farthest` or more.
 
     Returns:
         How many were picked.
     """
-    count, before, last = 0, True, True  # whether nothing came back from the last two; beyond the ends nothing does
+    count, before, last = 0, True, True  # of the last two beams, whether nothing came back; True beyond the ends
     for j in range(0, readings.shape[0], step):
         reading = readings[j]
         if math.isnan(reading):

@@ -1,4 +1,4 @@
-"""Beams: the part of a scan that is weighed, in the robot's frame."""
+"""Beams: the readings of a scan that the filter uses, in the frame of the robot's base."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ class Beams:
         ranges: Shape (B,) in metres, at most `range_max`; a reading of `range_max` stands for "nothing came back".
         bearings: Shape (B,) in radians, in the frame of the robot's base.
         endpoints: Shape (B, 2) in metres, in the frame of the robot's base.
-        silent: Bool of shape (B,): nothing came back, nor from the beams to both sides; one that is alone is a
-            lidar's lapse. What is too near to be measured is not silent.
+        silent: Bool of shape (B,): nothing came back from this beam and from its neighbours on both sides. A single
+            beam without a return is taken for a measuring error, and a reading below the minimum is not silent.
         laser_pose: Pose of the sensor in the base's frame.
-        range_max: Longest reading (m) that says where something is, itself excluded.
+        range_max: Upper limit (m), excluded, of valid readings.
     """
 
     ranges: np.ndarray
@@ -35,31 +35,31 @@ class Beams:
 
     @property
     def hits(self) -> np.ndarray:
-        """Endpoints of the readings that came back from something, shape (H, 2), contiguous."""
+        """Endpoints (m) of the beams with a return, shape (H, 2), in the base's frame, contiguous."""
         return np.ascontiguousarray(self.endpoints[self.ranges < self.range_max])
 
     @property
     def passed(self) -> np.ndarray:
-        """Where silent beams got to, shape (S, 2), contiguous."""
+        """Points (m) at `range_max` along the silent beams, shape (S, 2), in the base's frame, contiguous."""
         return np.ascontiguousarray(self.endpoints[self.silent])
 
 
 def step_between(count: int, max_beams: int, rounded_up: bool) -> int:
-    """Return which share of `count` beams amcl takes: every n-th; its two families of models round differently."""
+    """Return n where amcl uses every n-th of `count` beams to get `max_beams`; its models round it up or down."""
     if rounded_up:
         return max(1, -(-count // max_beams))
     return max(1, (count - 1) // (max_beams - 1))
 
 
 def limits_of(scan: LaserScan, laser_min_range: float = -1.0, laser_max_range: float = -1.0) -> Tuple[float, float]:
-    """Return the limits (m) between which, themselves excluded, a scan's readings say where something is.
+    """Return the limits (m), both excluded, of a scan's valid readings.
 
     Args:
         scan: The scan.
-        laser_min_range, laser_max_range: The user's limits (m); where not above 0 the scan's own hold.
+        laser_min_range, laser_max_range: The user's limits (m), which narrow the scan's own; unused if not above 0.
 
     Raises:
-        ValueError: The limits leave nothing.
+        ValueError: The upper limit is not above 0, or the lower one is below 0 or NaN.
     """
     range_max = min(scan.range_max, laser_max_range) if laser_max_range > 0.0 else scan.range_max
     range_min = max(scan.range_min, laser_min_range) if laser_min_range > 0.0 else scan.range_min
@@ -71,10 +71,10 @@ def limits_of(scan: LaserScan, laser_min_range: float = -1.0, laser_max_range: f
 
 
 def is_hit(ranges: np.ndarray, limits: Tuple[float, float]) -> np.ndarray:
-    """Return which readings came back from something, bool of their shape.
+    """Return which readings are valid, bool of their shape.
 
     Args:
-        ranges: Readings (m); NaN and infinite ones are none.
+        ranges: Readings (m); NaN and infinite ones are not valid.
         limits: See `limits_of`.
     """
     with np.errstate(invalid="ignore"):
@@ -87,17 +87,16 @@ def pick_beams(
 ) -> Beams:
     """Pick every `step`-th reading of a scan.
 
-    NaN is no reading. What is not above the minimum becomes "nothing came back", as in amcl, and so does what is
-    beyond the maximum.
+    NaN readings are left out. Readings outside of the limits become `range_max`, "nothing came back", as in amcl.
 
     Args:
-        scan: The scan; its angles are those in a frame that differs from the base's by `laser_pose`.
+        scan: The scan, with its angles in the frame whose pose in the base's frame is `laser_pose`.
         laser_pose: Pose of the sensor in the base's frame.
-        step: Distance between the beams picked.
+        step: Every how many readings one is picked.
         laser_min_range, laser_max_range: See `limits_of`.
 
     Raises:
-        ValueError: The limits leave nothing.
+        ValueError: As `limits_of`.
     """
     limits, most = limits_of(scan, laser_min_range, laser_max_range), len(scan.ranges)
     ranges, bearings, endpoints, silent = np.empty(most), np.empty(most), np.empty((most, 2)), np.empty(most, bool)

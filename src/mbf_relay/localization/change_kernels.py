@@ -1,5 +1,5 @@
 # mypy: allow-untyped-defs, allow-untyped-calls
-"""Compiled loop of the blocks of a map that changed: one scan's beams, counted block by block."""
+"""Compiled loops that count, block by block of the map, how many beams agree with the map and how many do not."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ import math
 from mbf_relay.kernels import kernel
 
 LIKE, UNLIKE, FREE = 0, 1, 2
-"""Rows of the counts: beams that ended on what the map has; that ended where it has nothing, or passed through what it
-has; and that passed where it has nothing."""
+"""Rows of the counts: beams that end on a mapped obstacle; beams that end where none is mapped, or pass through one;
+and beams that pass through a block without meeting a mapped obstacle."""
 
 
 @kernel(
@@ -17,21 +17,26 @@ has; and that passed where it has nothing."""
     " float64[::1], float64, int64, float32[:,::1], int64[::1])"
 )
 def count_beams(pose, endpoints, laser, data, codes, hits, distances, frame, margin, side, counts, touched):
-    """Count beams in the blocks they end in and pass, in steps as long as the distance field allows.
+    """Count one scan's beams in the blocks they pass and end in.
+
+    Each beam is followed in steps as long as the distance to the nearest obstacle allows.
 
     Args:
         pose: Of the base, shape (3,), in the map's frame.
-        endpoints: Where beams end, shape (B, 2) in metres, in the base's frame.
-        laser: Position of the sensor in the base's frame, shape (2,).
-        data: Of the map, shape (height, width); what ends in unknown space, below 0, is not counted.
+        endpoints: Ends of the beams with a return, shape (B, 2) in metres, in the base's frame.
+        laser: Position (m) of the sensor in the base's frame, shape (2,).
+        data: Occupancy of the map, shape (height, width); beams that end in unknown space (below 0) are not counted.
         codes: Of the distance field, shape (height, width).
-        hits: For each code how well a beam that ends there fits the map, 0 to 1.
+        hits: For each code the likelihood, 0 to 1, that a beam ending there hit a mapped obstacle.
         distances: To the nearest occupied cell (m), for each code.
         frame: Origin x, y, theta and resolution of the map, shape (4,).
-        margin: Length (m) at both ends of a beam in which a wall is none to it.
-        side: Of a block, in cells.
-        counts: Of beams, shape (3, blocks), zero; filled.
-        touched: Result: blocks with a count, as many as the value returned; as long as there are blocks.
+        margin: Length (m) at both ends of a beam within which it is not checked for obstacles.
+        side: Side of a block (cells).
+        counts: Result, shape (3, blocks), row by row of the map; zero at the call.
+        touched: Result, shape (blocks,): indices of the blocks with a count, as many as the value returned.
+
+    Returns:
+        The number of blocks with a count.
     """
     height, width = codes.shape
     columns = (width + side - 1) // side
@@ -81,24 +86,24 @@ def count_beams(pose, endpoints, laser, data, codes, hits, distances, frame, mar
     "void(float32[:,::1], int64[::1], int64, boolean[::1], float64, float64, float64, float32[::1], float32[::1])"
 )
 def average_blocks(counts, touched, found, walled, news, enough, remembered, seen, unlike):
-    """Average what one scan says of blocks into what those before it said; the counts are zero again afterwards.
+    """Update each touched block's averages with the counts of one scan; set the counts to zero again.
 
     Args:
         counts, touched: As `count_beams` leaves them.
         found: How many blocks were touched.
-        walled: Whether the map has anything in a block, shape (blocks,).
-        news: Share of the scan, 0 to 1, that earlier ones have not told.
-        enough: Beams of a scan that see a block as well as more would.
-        remembered: Scans' worth of news over which is averaged.
-        seen: Scans' worth of news in which each block was seen, shape (blocks,); changed.
-        unlike: Average share of the beams that contradict the map, shape (blocks,); changed.
+        walled: Whether the map has an occupied cell in a block, shape (blocks,).
+        news: Weight of the scan, 0 to 1: how much of it is independent of earlier scans.
+        enough: Beams of one scan in a block from which on more add no weight.
+        remembered: Largest sum of weights: the averages forget beyond it.
+        seen: Sum of the weights of scans that saw each block, shape (blocks,); changed.
+        unlike: Weighted mean share of the beams that contradict the map, 0 to 1, shape (blocks,); changed.
     """
     for i in range(found):
         block = touched[i]
         told = counts[LIKE, block] + counts[UNLIKE, block]
         weight = told
         if told == 0.0 and not walled[block]:
-            # What passes by a wall says nothing of it; where the map has none, nothing there is as the map has it.
+            # A beam passing beside a mapped wall does not check it; in a block without walls it confirms free space.
             weight = counts[FREE, block]
         weight = news * min(1.0, weight / enough)
         now = counts[UNLIKE, block] / max(told, 1e-6)

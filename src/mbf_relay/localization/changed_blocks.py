@@ -1,9 +1,9 @@
-"""Blocks of the map that are not as the map has them any more: walls that were built or taken away, racks moved.
+"""Detection of blocks of the map that have changed: walls built or removed, racks moved.
 
-From a pose that can be believed, each beam says something of the blocks it meets (the classes of als_ros): it ends on
-something the map has; it ends where the map has nothing; it passes through what the map has. Of each block the share of
-the beams that contradict the map is averaged over the last metres in which the block was seen, so that who walked by is
-forgotten and what stays is kept (compare Biber and Duckett 2005; Meyer-Delius et al. 2010, whose maps are of cells).
+From a reliable pose each beam is classified as in als_ros: it ends on a mapped obstacle, it ends where none is mapped,
+or it passes through a mapped one. For each block the share of beams that contradict the map is averaged over the last
+metres in which the block was seen, so that people walking by are forgotten and lasting changes are kept (compare Biber
+and Duckett 2005; Meyer-Delius et al. 2010, who do it for cells).
 """
 
 from __future__ import annotations
@@ -20,25 +20,25 @@ from mbf_relay.maps import UNKNOWN as NOT_SEEN
 from mbf_relay.maps import OccupancyMap
 
 CHANGED_FROM = 0.5
-"""Share of a block's beams that contradict the map from which it has changed."""
+"""Mean share of beams that contradict the map above which a block counts as changed."""
 ENOUGH_BEAMS = 3.0
-"""Beams of a scan that see a block as well as more would."""
+"""Beams of one scan in a block from which on more add no weight."""
 SEEN_FROM = 0.5
-"""Scans' worth of news, about metres, from which a block was seen."""
+"""Sum of scans' weights from which on a block counts as seen; a scan a metre after the last one has weight 1."""
 REMEMBERED = 5.0
-"""Scans' worth of news over which a block's beams are averaged."""
+"""Sum of scans' weights, about metres driven, over which a block's beams are averaged."""
 
 
 class ChangedBlocks:
-    """Counts, block by block, how beams agree with the map."""
+    """Averages, block by block, the share of beams that contradict the map."""
 
     def __init__(self, field: DistanceField, side: float, sigma: float) -> None:
-        """Count on a map.
+        """Begin with no block seen.
 
         Args:
-            field: The map.
-            side: Of a block (m); rounded to whole cells.
-            sigma: Deviation (m) of a beam's end from the wall it hit.
+            field: Distance field of the map.
+            side: Side of a block (m); rounded to whole cells.
+            sigma: Standard deviation (m) of a beam's end from the wall it hit; at least a cell is used.
         """
         self._field = field
         self._side = max(1, round(side / field.resolution))
@@ -53,7 +53,7 @@ class ChangedBlocks:
         self.forget()
 
     def _has_walls(self) -> np.ndarray:
-        """Return which blocks the map has anything in, shape (blocks,)."""
+        """Return which blocks have an occupied cell, bool of shape (blocks,)."""
         walled = np.zeros(self._shape, dtype=bool)
         data, starts = self._field.occupancy.data, np.arange(0, self._field.codes.shape[1], self._side)
         for row in range(self._shape[0]):
@@ -62,23 +62,23 @@ class ChangedBlocks:
         return walled.ravel()
 
     def forget(self) -> None:
-        """Forget all that was counted, such as what was counted from a pose that turned out wrong."""
+        """Reset all blocks to not seen, as where the pose they were counted from turned out wrong."""
         self._unlike = np.zeros(self._counts.shape[1], dtype=np.float32)
         self._seen = np.zeros(self._counts.shape[1], dtype=np.float32)
 
     def go_on_from(self, before: ChangedBlocks) -> None:
-        """Take over what was counted on the same map, where blocks are as large."""
+        """Take over the averages of another instance for the same map, if its blocks have the same size."""
         if before._side == self._side:
             self._unlike, self._seen = before._unlike, before._seen
 
     def look(self, pose: np.ndarray, endpoints: np.ndarray, laser: np.ndarray, news: float) -> None:
-        """Count a scan.
+        """Update the blocks with a scan.
 
         Args:
-            pose: Of the base, shape (3,), in the map's frame: one that is right.
-            endpoints: Where beams end, shape (B, 2), in the base's frame.
-            laser: Position of the sensor in the base's frame, shape (2,).
-            news: Share of the scan, 0 to 1, that earlier ones have not told.
+            pose: Of the base, shape (3,), in the map's frame; a reliable one.
+            endpoints: Ends of the beams with a return (m), shape (B, 2), in the base's frame.
+            laser: Position (m) of the sensor in the base's frame, shape (2,).
+            news: Weight of the scan, 0 to 1: how much of it is independent of earlier scans.
         """
         field = self._field
         found = count_beams(
@@ -90,12 +90,12 @@ class ChangedBlocks:
         )
 
     def changed(self) -> np.ndarray:
-        """Return which blocks changed, shape (blocks,); none that was not seen."""
+        """Return which blocks were seen and have changed, bool of shape (blocks,)."""
         found: np.ndarray = (self._unlike > CHANGED_FROM) & (self._seen >= SEEN_FROM)
         return found
 
     def holds(self, pose: np.ndarray, endpoints: np.ndarray) -> np.ndarray:
-        """Return which beams of a scan from a pose, shape (3,), end in a block that changed; (B, 2) in, (B,) out."""
+        """Return which endpoints, (B, 2) in the base's frame, lie in a changed block, seen from a pose; bool (B,)."""
         field = self._field
         points = Pose2D(*map(float, pose)).relative_to(field.origin).transform_points(endpoints)
         columns, rows = np.floor(points / (self._side * field.resolution)).astype(np.int64).T
@@ -105,7 +105,7 @@ class ChangedBlocks:
         return found
 
     def as_map(self) -> OccupancyMap:
-        """Return a cell for each block: 100 where it changed, 0 where it is as the map has it, -1 where not seen."""
+        """Return a map with a cell for each block: 100 changed, 0 not changed, -1 not seen."""
         seen = np.where(self._seen >= SEEN_FROM, np.int8(UNCHANGED), np.int8(NOT_SEEN))
         data = np.where(self.changed(), np.int8(CHANGED), seen).reshape(self._shape)
         return OccupancyMap(data, self._side * self._field.resolution, self._field.origin)

@@ -1,7 +1,7 @@
-"""A scan out of a point cloud, by the names of pointcloud_to_laserscan: in each direction the nearest point.
+"""Conversion of a point cloud to a scan: the nearest point in each direction, as pointcloud_to_laserscan does.
 
-A direction without such a point has no reading, and not one that nothing is there: a camera sees but a part of what is
-around it, and a lidar of several rings misses what stands between two of them.
+A direction without a point becomes NaN (no reading), not infinity (nothing there): a camera sees only a part of its
+surroundings, and a lidar with several rings misses what stands between two of them.
 """
 
 from __future__ import annotations
@@ -43,12 +43,12 @@ class CloudParameters(ParameterSet):
 def scan_of_points(
     points: np.ndarray, sensor: np.ndarray, values: CloudParameters, stamp: float, frame: str
 ) -> LaserScan:
-    """Return what a planar lidar would have seen of a cloud, in a frame at the sensor, parallel to the base's.
+    """Return a cloud as a scan in a frame whose origin is the sensor and whose axes are parallel to the base's.
 
     Args:
         points: Shape (N, 3) in metres, in the base's frame; rows that are not finite are left out.
         sensor: Position of the sensor in the base's frame, shape (2,) or more.
-        values: What is taken.
+        values: Heights, directions and ranges that are used.
         stamp: Time (s) of the cloud.
         frame: Name of the sensor's frame.
     """

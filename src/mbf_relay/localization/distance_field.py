@@ -17,35 +17,36 @@ OCCUPIED_FROM = 65
 """Occupancy from which a cell of a map is occupied."""
 BAND = 256
 """Rows whose distances are computed at once."""
-ON_A_WALL = 0.1  # m from the nearest occupied cell's centre within which a reading's end fits the map
+ON_A_WALL = 0.1
+"""Distance (m) from the nearest occupied cell's centre up to which a beam's end counts as explained by the map."""
 DOUBTFUL = 0.5
-"""Share of a scan on the map's walls below which the pose is doubtful, or much has changed since the map was made."""
+"""Share of a scan's ends explained by the map below which the pose is in doubt."""
 
 
 class DistanceField:
-    """What localization knows of a map.
+    """A map, with the distance from each cell to the nearest obstacle.
 
-    A beam ends on a face, so distances are to the faces of obstacles, and what lies inside of thick ones is far from
-    them. Each cell has a code of two bytes: the square of the distance in cells, which is a whole number, and OCCUPIED
-    added where the cell is. It is looked up in a table of what a model makes of distances. Where squares would not fit,
-    on maps finer than 1.1 cm with a `max_distance` of 2 m, the distance itself is kept in small steps.
+    Beams end on the faces of obstacles, so distances are to faces: cells deep inside of a thick obstacle are far from
+    any. Each cell is stored as a code of two bytes: the squared distance in cells, which is an integer, plus OCCUPIED
+    where the cell is occupied. Models look codes up in tables of their own. Where squares would not fit, on maps finer
+    than 1.1 cm with a `max_distance` of 2 m, codes are distances in steps of `max_distance` / 32767.
 
     Attributes:
         origin: Pose of the lower left corner in the map's frame.
         resolution: Side of a cell (m).
-        max_distance: Distance (m) that stands for "far from everything", also off the map.
+        max_distance: Upper bound (m) of distances; also the distance off the map.
         codes: Shape (height, width), uint16.
-        face_distances: For each code the distance (m) from the cell's centre to that of the nearest cell with an
-            obstacle's face, float32, at most `max_distance`.
-        cell_distances: For each code the distance (m) to the nearest occupied cell, which may be the cell itself.
-        has_free_cells: Whether there is a place to be.
+        face_distances: For each code the distance (m) from the cell's centre to that of the nearest face cell, float32,
+            at most `max_distance`. A face cell is an occupied cell with one of its eight neighbours not occupied.
+        cell_distances: For each code the distance (m) to the nearest occupied cell, 0 for an occupied one, float32.
+        has_free_cells: Whether any cell is free.
     """
 
     def __init__(self, occupancy: OccupancyMap, max_distance: float) -> None:
         """Compute the field.
 
         Raises:
-            ValueError: The map has no cell, or its resolution or origin means nothing.
+            ValueError: The map has no cell, its resolution is not above 0, or its origin is not finite.
         """
         check_map(occupancy)
         self.occupancy = occupancy
@@ -61,13 +62,13 @@ class DistanceField:
         self.face_distances = np.minimum(distances, max_distance).astype(np.float32)
         self.cell_distances = np.where(codes < OCCUPIED, self.face_distances, np.float32(0.0))
         self.codes = np.empty(occupancy.data.shape, dtype=np.uint16)
-        for row in range(0, len(self.codes), BAND):  # whole, the distances of a large map would fill gigabytes
+        for row in range(0, len(self.codes), BAND):  # in bands: float distances of a large map would take gigabytes
             self._encode(slice(row, row + BAND))
         self._free_in_rows = np.cumsum([np.count_nonzero(is_free(row)) for row in occupancy.data])
         self.has_free_cells = bool(self._free_in_rows[-1] > 0)
 
     def _encode(self, rows: slice) -> None:
-        """Compute the codes of some rows, from them and from what lies within `max_distance` of them."""
+        """Compute the codes of some rows, from the map within `max_distance` of them."""
         reach = int(min(self.max_distance / self.resolution, max(self.codes.shape))) + 2
         near = slice(max(0, rows.start - reach), rows.stop + reach)
         inner = slice(rows.start - near.start, rows.stop - near.start)
@@ -98,9 +99,9 @@ class DistanceField:
         return np.array([self.origin.x, self.origin.y, self.origin.theta, self.resolution])
 
     def share_on_map(self, pose: Pose2D, endpoints: np.ndarray) -> Optional[float]:
-        """Return which share of a scan's ends the map explains, 0 to 1; None where the scan has no end.
+        """Return the share of a scan's ends, 0 to 1, that lie on mapped obstacles; None where the scan has no end.
 
-        For people, for starts, and to know odometry that begins anew; particles are not weighed by it.
+        Used for log texts, for a restart from a saved pose and to detect odometry that was reset, not by the filter.
 
         Args:
             pose: Of the base, in the map's frame.
@@ -138,7 +139,7 @@ class DistanceField:
 
 
 def check_map(occupancy: OccupancyMap) -> None:
-    """Raise ValueError where a map cannot be localized on."""
+    """Raise ValueError for a map without a cell, with a resolution not above 0, or an origin that is not finite."""
     if occupancy.data.size == 0:
         raise ValueError("the map has no cell; localization needs one with walls and free space")
     if not (np.isfinite(occupancy.resolution) and occupancy.resolution > 0.0):

@@ -1,4 +1,4 @@
-"""What the particles say: clusters, and mean and covariance as amcl reports them."""
+"""The pose estimate: clusters of particles, and their mean and covariance as amcl reports them."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from mbf_relay.localization.gaussian_kernels import moments
 from mbf_relay.localization.resampling_kernels import label_clusters
 
 Moments = Tuple[Pose2D, np.ndarray]
-"""Mean and covariance, shape (3, 3), of poses."""
+"""Mean and covariance, shape (3, 3) over x, y (m) and theta (rad), of poses."""
 
 
 @dataclass(frozen=True)
@@ -34,13 +34,13 @@ class Estimate:
 
 
 def cluster(poses: np.ndarray) -> Tuple[np.ndarray, int]:
-    """Return each particle's cluster, shape (N,), and how many there are; bins that touch make a cluster."""
+    """Return each particle's cluster, shape (N,), and their number; adjacent histogram bins make one cluster."""
     labels = np.empty(len(poses), dtype=np.int64)
     return labels, int(label_clusters(np.ascontiguousarray(poses), labels))
 
 
 def heaviest_first(labels: np.ndarray, weights: np.ndarray, count: int) -> List[Tuple[int, float]]:
-    """Return the clusters with their share of the weight, heaviest first."""
+    """Return (cluster, share of the weight), heaviest first."""
     shares = np.bincount(labels, weights, minlength=count)
     return [(int(label), float(shares[label])) for label in np.argsort(-shares, kind="stable")]
 
@@ -55,19 +55,19 @@ def mean_and_covariance(poses: np.ndarray, weights: np.ndarray) -> Moments:
 
 
 def deviation_of(covariance: np.ndarray) -> float:
-    """Return the deviation (m), of one axis, of positions with a covariance, shape (3, 3)."""
+    """Return the standard deviation (m) per axis, the mean of x and y, of a pose covariance, shape (3, 3)."""
     return math.sqrt(0.5 * float(covariance[0, 0] + covariance[1, 1]))
 
 
 def estimate(poses: np.ndarray, weights: np.ndarray, moments_of_all: Optional[Moments] = None) -> Estimate:
     """Return the mean of the heaviest cluster of particles, shape (N, 3), with the covariance of the whole set.
 
-    The mean of all would lie between two places the robot may be in, where it certainly is not.
+    With several clusters the mean of all particles would lie between them, where the robot is not.
 
     Args:
         poses: Shape (N, 3).
         weights: Shape (N,).
-        moments_of_all: What `mean_and_covariance` says of them, where it is known.
+        moments_of_all: The result of `mean_and_covariance` for them, where it is already known.
     """
     labels, count = cluster(poses)
     pose, covariance = moments_of_all or mean_and_covariance(poses, weights)

@@ -1,22 +1,22 @@
-"""Evidence for a pose: what one scan says for it, at the price that what is not on the map has on this drive.
+"""Evidence of one scan for a pose, on a map of which parts are missing or outdated.
 
-Maps are never whole: walls were built, racks moved, blocks never seen. A beam is one of three kinds (compare als_ros):
+Maps are never complete: walls were built, racks moved, rooms never mapped. Each beam is of one class (compare als_ros):
 
-    hit       it ends on something the map has
-    unmapped  it ends where the map has nothing
-    through   it ends where the map has nothing, and passed through something the map has on its way
+    hit       it ends on a mapped obstacle
+    unmapped  it ends where no obstacle is mapped
+    through   it ends where no obstacle is mapped, and passes through a mapped one on its way
 
-A beam of which nothing came back is of the third kind where it would have met something the map has, and else says
-nothing: at a wrong place of an open map it is all there is to tell it from the right one. Panes, black cloth and walls
-that were taken away are silent too, so that it is no more than a hint.
+A beam without a return counts as `through` where a mapped obstacle is in its way, and is ignored otherwise. In open
+places such beams are the only difference between a wrong pose and the right one. They have a small weight, because
+glass, black surfaces and walls that were removed give no return either.
 
-The share of the unmapped at the pose held is the price of such a beam; it is learnt over tens of metres. On a map that
-lacks a third of its walls, a place that explains ten beams more is no proof. A wall seldom vanishes, so that passing
-through one costs more, and always the same.
+The probability of an unmapped beam is the share of such beams at the held pose, learnt over tens of metres: where a
+third of the walls is not mapped, ten more explained beams prove little. Walls seldom vanish, so `through` has a fixed
+and lower probability.
 
-Not all that a beam passes through is a wall in its way: it grazes edges, above all of large cells and of walls that are
-bent on the map, and legs of tables. How many do at a right place is told by those that hit, for these must have got
-there; it, too, is learnt on the drive, and only what is more than those would be speaks against a pose.
+At a right pose, too, some beams pass through occupied cells: they graze edges, legs of tables, large cells and walls
+that are bent on the map. Their share is learnt on the drive from the beams that hit, which cannot have been blocked.
+Only the excess over it counts against a pose.
 """
 
 from __future__ import annotations
@@ -33,31 +33,35 @@ from mbf_relay.localization.reliability import LEAST
 from mbf_relay.localization.scan_likelihood import some_of, thin_out
 
 BEAMS = 60
-"""Beams of a scan that are looked at."""
+"""Beams of a scan that are used, about."""
 INDEPENDENT_BEAMS = 20.0
-"""A scan says no more than so many independent beams would: its beams hit the same few walls, by the same error."""
+"""Number of independent beams that a scan's log-likelihood is scaled to: its beams hit the same few walls with the same
+errors."""
 THROUGH = 0.1
-"""Share of the unmapped that pass through walls where the pose is right: doors that opened, edges grazed."""
+"""Share of the unmapped beams that pass through mapped obstacles at a right pose: opened doors, grazed edges."""
 WALL_MARGIN = 0.3
+"""Length (m) at both ends of a beam that is not checked for obstacles, because pose and map are not more exact."""
 USUAL_UNMAPPED = 0.2
+"""Share of unmapped beams assumed at a start."""
 LEARNT_OVER = 30.0
-"""Way (m) over which the price of the unmapped is learnt, and how many beams graze something."""
+"""Distance (m) over which the shares of unmapped and of grazing beams are learnt."""
 BOUNDS = (0.05, 0.6)
-"""Between which it lies: no map is perfect, and one that lacks more tells nothing."""
+"""Limits of the learnt share of unmapped beams: no map is perfect, and with a larger share a scan would prove nothing.
+"""
 MOST_GRAZE = 0.15
-"""Share of the beams that hit that may have grazed something at a right place: more do so where the pose is wrong."""
+"""Largest share of the hitting beams that is taken for grazing at a right pose; a larger one means a wrong pose."""
 OF_OTHERS = 0.5
-"""How many times as often those graze that end on nothing: a fifth to nine tenths, by drive."""
+"""Grazing rate of the unmapped beams relative to that of the hitting ones: 0.2 to 0.9 by drive."""
 
 
 class Seen(NamedTuple):
-    """What a scan has for evidence.
+    """The parts of a scan that evidence is computed from.
 
     Attributes:
-        ends: Where beams ended on something, thinned out, shape (B, 2), in the base's frame.
-        passed: Where those got to of which nothing came back, shape (S, 2), in the base's frame.
-        silence: Share of the latter among all beams, 0 to 1.
-        laser: Position of the sensor in the base's frame, shape (2,).
+        ends: Ends (m) of the beams with a return, thinned out, shape (B, 2), in the base's frame.
+        passed: Points (m) at maximum range along the silent beams, shape (S, 2), in the base's frame.
+        silence: Share of silent beams among all, 0 to 1.
+        laser: Position (m) of the sensor in the base's frame, shape (2,).
     """
 
     ends: np.ndarray
@@ -67,7 +71,7 @@ class Seen(NamedTuple):
 
     @staticmethod
     def of(beams: Beams) -> Seen:
-        """Return what a scan's beams, all of them, have."""
+        """Return the parts for all of a scan's beams."""
         ends, passed = thin_out(beams.endpoints, among=beams.ranges < beams.range_max), beams.passed
         return Seen(
             ends, some_of(passed, BEAMS), len(passed) / max(1, len(beams.ranges)),
@@ -76,14 +80,14 @@ class Seen(NamedTuple):
 
 
 class Judgement(NamedTuple):
-    """What a scan says of poses, each of shape (K,).
+    """Evidence of a scan for K poses; each array has shape (K,).
 
     Attributes:
-        log_likelihoods: Of the scan, tempered.
-        hits: Share of the beams that end on something the map has.
-        through: Share of the beams, silent ones among them, that passed through something the map has, beyond those
-            that graze something at a right place, too.
-        grazed: Share of the beams that end on something the map has and passed through something on their way.
+        log_likelihoods: Of the scan, scaled to INDEPENDENT_BEAMS.
+        hits: Share of the beams that end on a mapped obstacle, 0 to 1.
+        through: Share of all beams, silent ones included, that pass through a mapped obstacle, less the share that
+            grazes one at a right pose; 0 or more.
+        grazed: Share of the beams that end on a mapped obstacle and pass through another on their way.
     """
 
     log_likelihoods: np.ndarray
@@ -93,16 +97,15 @@ class Judgement(NamedTuple):
 
 
 class Evidence:
-    """Judges poses by scans, and learns what the map lacks.
+    """Computes the evidence of scans for poses, and learns how incomplete the map is.
 
     Attributes:
-        unmapped: Share of the beams that end where the map has nothing, on this drive.
-        grazing: Share of the beams that pass through something and end on nothing the map has, of all that end on
-            nothing, where the pose is right, on this drive.
+        unmapped: Share of the beams that end where no obstacle is mapped, learnt on this drive.
+        grazing: Share of the unmapped beams that graze a mapped obstacle at a right pose, learnt on this drive.
     """
 
     def __init__(self, field: DistanceField, sigma: float) -> None:
-        """Judge on a map; `sigma` is the deviation of a hit (m)."""
+        """Begin on a map; `sigma` is the standard deviation (m) of a hit, of which at least a cell is used."""
         self._field = field
         sigma = max(sigma, field.resolution)
         self._hits = np.exp(-0.5 * np.square(field.face_distances / sigma)).astype(np.float32)
@@ -110,21 +113,21 @@ class Evidence:
         self._grazed = self._hit = 0.0
 
     def go_on_from(self, before: Evidence) -> None:
-        """Take over what was learnt on the drive."""
+        """Take over the shares that another instance has learnt."""
         self.unmapped, self._grazed, self._hit = before.unmapped, before._grazed, before._hit
 
     @property
     def grazing(self) -> float:
-        """See the class; none is known of before the first scan."""
+        """See the class; 0 before the first scan."""
         return OF_OTHERS * min(MOST_GRAZE, self._grazed / self._hit) if self._hit > 0.0 else 0.0
 
     def judge(self, poses: np.ndarray, seen: Seen) -> Judgement:
-        """Return what a scan says of poses.
+        """Return the evidence of a scan for poses.
 
         Args:
-            poses: Shape (K, 3), in the map's frame; the first is the one held. Where little around it is mapped, little
-                is proven by what is mapped elsewhere.
-            seen: Of the scan; at least one beam ended on something.
+            poses: Shape (K, 3), in the map's frame; the first is the held one. If more beams are unmapped there than
+                was learnt, that share is used for all poses.
+            seen: Parts of the scan; with at least one end.
         """
         endpoints = some_of(seen.ends, BEAMS)
         field, judged = self._field, np.empty((5, len(poses)))
@@ -142,9 +145,9 @@ class Evidence:
         )
 
     def silent_through(self, poses: np.ndarray, seen: Seen) -> np.ndarray:
-        """Return at each pose, (K, 3) in, (K,) out, the share of the silent beams that pass through what the map has.
+        """Return at each pose, (K, 3) in, (K,) out, the share of the silent beams that pass through mapped obstacles.
 
-        Less those that graze something at a right place, too.
+        The share that grazes obstacles at a right pose is subtracted.
         """
         if not len(seen.passed):
             return np.zeros(len(poses))
@@ -152,12 +155,12 @@ class Evidence:
         return np.maximum(0.0, share - self.grazing)
 
     def learn(self, hits: float, way: float) -> None:
-        """Take the share of hits at the pose held, of a scan taken `way` (m) after the last."""
+        """Update the share of unmapped beams by the share of hits at the held pose, `way` (m) after the last scan."""
         share = 1.0 - math.exp(-way / LEARNT_OVER)
         self.unmapped = min(max(self.unmapped + share * (1.0 - hits - self.unmapped), BOUNDS[0]), BOUNDS[1])
 
     def learn_grazing(self, judged: Judgement, way: float) -> None:
-        """Take what was said of poses of which the first is held and believed, likewise."""
+        """Update the share of grazing beams by a judgement whose first pose is the held one, and reliable."""
         way = max(way, LEAST)
         kept = math.exp(-way / LEARNT_OVER)
         self._grazed = kept * self._grazed + way * float(judged.grazed[0])

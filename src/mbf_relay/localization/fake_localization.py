@@ -1,4 +1,4 @@
-"""Where a robot is on the map by what a simulator or a motion capture system knows, in place of a filter."""
+"""Localization from the true pose that a simulator or a motion capture system knows (fake_localization)."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class FakeLocalizationParameters(ParameterSet):
 
 
 class FakeLocalization:
-    """Places true poses on the map.
+    """Transforms true poses to the map's frame.
 
     As upstream, the world is turned by -delta_yaw before it is moved by -delta_x and -delta_y, which are therefore
     along the map's axes.
@@ -36,9 +36,9 @@ class FakeLocalization:
             -parameters.delta_x, -parameters.delta_y, math.remainder(-parameters.delta_yaw, math.tau))
 
     def on_map(self, truth: Pose2D) -> Pose2D:
-        """Return where on the map the robot is that is at `truth` in the world."""
+        """Return the robot's pose in the map's frame for its true pose in the world's frame."""
         return self._map_from_world.compose(truth)
 
     def set_pose(self, pose: Pose2D, truth: Pose2D) -> None:
-        """Have a robot that is at `truth` in the world be at `pose` on the map, from now on."""
+        """Change the transform so that the true pose `truth` (world's frame) becomes `pose` (map's frame)."""
         self._map_from_world = pose.compose(truth.inverse())

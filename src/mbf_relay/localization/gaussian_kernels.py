@@ -1,5 +1,5 @@
 # mypy: allow-untyped-defs, allow-untyped-calls
-"""Compiled loops over weighted poses: their moments, and how likely normal distributions make them."""
+"""Compiled loops over weighted poses: moments, and densities of normal distributions and their mixtures."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ import numpy as np
 from mbf_relay.kernels import kernel
 
 NARROW = 0.8
-"""Turn (rad) up to which nine terms of the series of cosine and sine leave less than a float's last digit."""
+"""Largest angle (rad) for which nine terms of the series of cosine and sine are exact to a double's last digit."""
 SERIES = np.array([[1.0 / (n * (n - 1)), 1.0 / (n * (n + 1))] for n in range(16, 0, -2)])
-"""What each of these terms is times the one before it and the turn's square, last first."""
+"""Ratios of successive terms of the two series, without the squared angle, last ones first (Horner's scheme)."""
 
 
 @kernel("float64(float64[:,::1], float64[::1], float64[::1], float64[:,::1])")
 def moments(poses, weights, mean, covariance):
-    """Compute the mean and the covariance of weighted poses, the heading's on its circle.
+    """Compute the mean and the covariance of weighted poses, with the circular mean of the headings.
 
     Args:
         poses: Shape (N, 3).
@@ -78,9 +78,9 @@ def log_mixture(poses, means, whitening, log_heights, first, logs):
         poses: Shape (N, 3).
         means: Of the parts, shape (K, 3).
         whitening: Inverse of the lower triangular root of each part's covariance, shape (K, 3, 3).
-        log_heights: Log-density of each part at its mean, its share in it, shape (K,).
-        first: Result, shape (N,): of the first part alone, its share in it.
-        logs: Result, shape (N,): of all.
+        log_heights: Log of share times density of each part at its mean, shape (K,).
+        first: Result, shape (N,): log of share times density of the first part.
+        logs: Result, shape (N,): log-density of the mixture.
     """
     for i in range(poses.shape[0]):
         highest, total = -np.inf, 0.0
@@ -95,7 +95,7 @@ def log_mixture(poses, means, whitening, log_heights, first, logs):
             if k == 0:
                 highest, total = log, 1.0
                 first[i] = log
-            else:  # which of the two is larger is anybody's guess: no branch
+            else:  # without a branch, which would be mispredicted half the time
                 least = math.exp(-abs(log - highest))
                 total = 1.0 + total * least if log > highest else total + least
                 highest = max(log, highest)
@@ -104,7 +104,7 @@ def log_mixture(poses, means, whitening, log_heights, first, logs):
 
 @kernel("boolean(float64[:,:,::1], float64[:,:,::1], float64[:,:,::1], float64[::1])")
 def factorize(covariances, roots, whitening, log_roots):
-    """Take covariances, shape (K, 3, 3), apart (Cholesky); return whether all of them are positive definite.
+    """Compute the Cholesky factors of covariances; return whether all of them are positive definite.
 
     Args:
         covariances: Shape (K, 3, 3), symmetric.
@@ -160,11 +160,11 @@ def log_normal(poses, mean, covariance, log_normalizer, logs):
 
 @kernel("float64(float64[::1], float64[::1])")
 def _weigh(log_weights, weights):
-    """Fill weights, shape (N,), whose sum is one, from their logarithms; return the logarithm of what the sum was."""
+    """Fill `weights`, shape (N,), with normalized weights; return the log of the sum of the given ones."""
     highest, total = -np.inf, 0.0
     for i in range(log_weights.shape[0]):
         highest = max(highest, log_weights[i])
-    for i in range(log_weights.shape[0]):  # as particles are drawn, all weigh the same
+    for i in range(log_weights.shape[0]):  # equal ones, as after resampling, need no exp
         weights[i] = 1.0 if log_weights[i] == highest else math.exp(log_weights[i] - highest)
         total += weights[i]
     for i in range(log_weights.shape[0]):
@@ -182,9 +182,9 @@ def fit_and_spread(poses, log_weights, noise, floor, least, weights, mean, covar
     Args:
         poses: Shape (N, 3).
         log_weights: Shape (N,).
-        noise: Standard normal, shape (N, 3); result: the poses with independent noise.
-        floor: Least deviations (m, m, rad), shape (3,).
-        least: Share of the floor's variance that is added in any case.
+        noise: Standard normal, shape (N, 3); result: the poses with noise added.
+        floor: Smallest standard deviations (m, m, rad), shape (3,).
+        least: Share of the floor's variance that is always added.
         weights: Result, shape (N,), sum one.
         mean, covariance: Result, shapes (3,) and (3, 3): of the poses that were spread.
 
@@ -207,7 +207,7 @@ def fit_and_spread(poses, log_weights, noise, floor, least, weights, mean, covar
 
 @kernel("float64(float64[::1], boolean[::1])")
 def _log_sum_of_kept(log_weights, drawn):
-    """Return the logarithm of the summed weights, shape (N,), of what is not drawn anew; also of next to nothing."""
+    """Return the log of the sum of the weights, (N,), of poses that are not redrawn, without underflow."""
     highest, total = -np.inf, 0.0
     for i in range(log_weights.shape[0]):
         if not drawn[i]:
@@ -223,7 +223,7 @@ def _log_sum_of_kept(log_weights, drawn):
     " float64[:,::1], float64[:,:,::1], float64[::1])"
 )
 def redraw(poses, log_weights, weights, log_total, drawn, noise, counts, means, covariances, log_shares):
-    """Draw some poses anew from all parts of a mixture but its first, and weigh all as samples of the first alone.
+    """Redraw some poses from the parts of a mixture after the first; weight all as samples of the first part.
 
     Return whether all covariances are positive definite; nothing is changed where not.
 
@@ -231,12 +231,12 @@ def redraw(poses, log_weights, weights, log_total, drawn, noise, counts, means, 
         poses: Shape (N, 3), of the first part; changed.
         log_weights: Shape (N,); changed.
         weights: The same with sum one, shape (N,).
-        log_total: Logarithm of what the weights' sum was.
-        drawn: Which to draw anew, shape (N,): some, and not all.
-        noise: Standard normal, shape (D, 3), for the D poses drawn anew.
-        counts: How many of these each further part draws, one after the other, shape (K - 1,).
+        log_total: Log of the sum of the given weights.
+        drawn: Which poses to redraw, bool of shape (N,): some, and not all.
+        noise: Standard normal, shape (D, 3), for the D poses to redraw.
+        counts: Number of these drawn from each part after the first, shape (K - 1,).
         means, covariances: Of the K parts, shapes (K, 3) and (K, 3, 3).
-        log_shares: Logarithms of their shares, with what normalizes a density, shape (K,).
+        log_shares: Log of each part's share, plus LOG_NORMALIZER, shape (K,).
     """
     roots, whitening, log_heights = np.empty_like(covariances), np.empty_like(covariances), np.empty(means.shape[0])
     if not factorize(covariances, roots, whitening, log_heights):
@@ -272,8 +272,7 @@ def redraw(poses, log_weights, weights, log_total, drawn, noise, counts, means, 
 
 @kernel("float64(float64[::1], float64[::1])")
 def normalize(log_weights, weights):
-    """Normalize weights, shape (N,), given by their logarithms, which change; return the logarithm of what the sum was.
-    """
+    """Normalize log-weights, shape (N,), in place, and fill `weights`; return the log of the former sum."""
     log_sum = _weigh(log_weights, weights)
     for i in range(log_weights.shape[0]):
         log_weights[i] -= log_sum

@@ -21,12 +21,13 @@ from mbf_relay.localization.gaussian_kernels import (
 )
 
 FLOOR = np.array([0.02, 0.02, 0.01])
-"""Least deviations (m, m, rad) of a cluster of particles: what lies in one place can neither spread nor be fitted."""
+"""Smallest standard deviations (m, m, rad) of a cluster; a narrower one is spread to them."""
 
 LEAST = 1e-3
-"""Share of FLOOR's variance that is added in any case: particles on one line cannot be fitted either."""
+"""Share of FLOOR's variance that is always added: particles on one line have a singular covariance, too."""
 
 LOG_NORMALIZER = -1.5 * math.log(2.0 * math.pi)
+"""Log-density of a normal distribution over three dimensions at its mean, for a covariance of determinant 1."""
 NOT_POSITIVE = "a covariance is not positive definite"
 
 
@@ -50,11 +51,11 @@ class PoseGaussian:
         return np.linalg.inv(self.covariance)
 
     def widened(self, deviations: np.ndarray) -> PoseGaussian:
-        """Return a wider one: `deviations` (m, m, rad) are added as independent noise."""
+        """Return the distribution with independent noise of `deviations` (m, m, rad) added."""
         return PoseGaussian(self.mean, self.covariance + np.diag(np.square(deviations)))
 
     def moved(self, step: Pose2D, noise: np.ndarray) -> PoseGaussian:
-        """Return it after a step in its own frame with noise of a covariance, shape (3, 3), in that frame."""
+        """Return the distribution after a step with noise covariance, shape (3, 3), both in the mean's frame."""
         cos, sin = math.cos(self.mean[2]), math.sin(self.mean[2])
         to_map = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
         after = np.array(Pose2D(*map(float, self.mean)).compose(step))
@@ -62,7 +63,7 @@ class PoseGaussian:
         return PoseGaussian(after, along @ self.covariance @ along.T + to_map @ noise @ to_map.T)
 
     def log_density(self, poses: np.ndarray) -> np.ndarray:
-        """Return the log-density at poses, (N, 3) in, (N,) out; LinAlgError where it has none."""
+        """Return the log-density at poses, (N, 3) in, (N,) out; LinAlgError where the covariance is singular."""
         logs = np.empty(len(poses))
         moments = np.ascontiguousarray(self.mean), np.ascontiguousarray(self.covariance)
         if not log_normal(np.ascontiguousarray(poses), *moments, LOG_NORMALIZER, logs):
@@ -75,13 +76,13 @@ class PoseGaussian:
 
 
 class Factors(NamedTuple):
-    """What densities and samples of K normal distributions are reckoned from.
+    """Factors of K normal distributions, from which densities and samples are computed.
 
     Attributes:
         means: Shape (K, 3).
-        roots: Of the covariances, lower triangular, shape (K, 3, 3); a root times its transpose is the covariance.
-        whitening: The roots' inverses, shape (K, 3, 3).
-        log_heights: Log-density of each at its mean, its share in a mixture, shape (K,).
+        roots: Cholesky factors of the covariances, lower triangular, shape (K, 3, 3).
+        whitening: Inverses of the Cholesky factors, shape (K, 3, 3).
+        log_heights: Log of share times density of each part at its mean, shape (K,).
     """
 
     means: np.ndarray
@@ -103,7 +104,7 @@ class PoseMixture:
 
     @cached_property
     def factors(self) -> Factors:
-        """Its parts as kernels take them; LinAlgError where a covariance is not positive definite."""
+        """Factors of the parts, as the kernels take them; LinAlgError where a covariance is not positive definite."""
         means, covariances = self.moments
         roots, whitening, log_roots = np.empty_like(covariances), np.empty_like(covariances), np.empty(len(covariances))
         if not factorize(covariances, roots, whitening, log_roots):
@@ -116,7 +117,7 @@ class PoseMixture:
         return np.array([part.mean for part in self.parts]), np.array([part.covariance for part in self.parts])
 
     def log_densities(self, poses: np.ndarray) -> Tuple[np.ndarray, np.ndarray]:
-        """Return the log-densities of the first part alone and of the mixture at poses, (N, 3) in, each (N,) out."""
+        """Return log-densities at poses, (N, 3): of the first part by itself and of the mixture, (N,) each."""
         first, logs = np.empty(len(poses)), np.empty(len(poses))
         means, _, whitening, heights = self.factors
         log_mixture(np.ascontiguousarray(poses), means, whitening, heights, first, logs)
@@ -124,7 +125,7 @@ class PoseMixture:
         return first, logs
 
     def sample(self, count: int, rng: np.random.Generator) -> np.ndarray:
-        """Draw poses, shape (count, 3), those of one part after those of another."""
+        """Draw poses, shape (count, 3), ordered by part."""
         poses: np.ndarray = rng.standard_normal((count, 3))
         end = 0
         for mean, root, drawn in zip(*self.factors[:2], rng.multinomial(count, self.shares)):
@@ -135,16 +136,16 @@ class PoseMixture:
 
 
 class PoseSample:
-    """Weighted poses that stand for a normal distribution, and may be drawn anew in part.
+    """Weighted samples of a normal distribution, a part of which can be redrawn from a better proposal.
 
     Attributes:
-        poses: Shape (N, 3): those handed in, spread where they were narrower than FLOOR.
-        log_weights: Shape (N,), with the sum that they were handed in with.
-        prior: The distribution.
+        poses: Shape (N, 3): the given ones, with noise where they were narrower than FLOOR.
+        log_weights: Shape (N,); the sum of the weights is about that of the given ones.
+        prior: The distribution fitted to them.
     """
 
     def __init__(self, poses: np.ndarray, log_weights: np.ndarray, rng: np.random.Generator) -> None:
-        """Fit and spread poses, shape (N, 3), with the logarithms of their weights, shape (N,)."""
+        """Fit the distribution to poses, shape (N, 3), with log-weights, shape (N,), and spread them to FLOOR."""
         mean, covariance = np.empty(3), np.empty((3, 3))
         self.poses, self._weights = rng.standard_normal(poses.shape), np.empty(len(poses))
         self.log_weights = log_weights.copy()
@@ -154,11 +155,13 @@ class PoseSample:
         self.prior = PoseGaussian(mean, covariance)
 
     def redraw(self, share: float, around: PoseMixture, rng: np.random.Generator) -> None:
-        """Draw about a share of the poses from another distribution instead, and weigh all as samples of the prior.
+        """Redraw about a share of the poses, 0 to 1, from the mixture `around`, and weight all as samples of the prior.
 
-        Those that stay and those drawn are samples of two distributions of one target, and weighed together by the
-        balance heuristic (Veach and Guibas 1995). What stays keeps its weight in that: forgotten, the belief would
-        widen at every scan, of itself.
+        Kept and redrawn poses are weighted together by the balance heuristic (multiple importance sampling, Veach and
+        Guibas 1995). Kept poses also keep their relative weights; otherwise the belief would widen with every scan.
+
+        Raises:
+            LinAlgError: A covariance is not positive definite; poses and weights are as before.
         """
         drawn = rng.random(len(self.poses)) < share
         count = int(np.count_nonzero(drawn))
@@ -176,8 +179,7 @@ class PoseSample:
 
 
 def normalized(log_weights: np.ndarray) -> Tuple[np.ndarray, np.ndarray, float]:
-    """Return the logarithms of weights, shape (N,), with sum one, these weights, and the logarithm of what the sum was.
-    """
+    """Normalize log-weights, shape (N,): return log-weights and weights with sum one, and the log of the former sum."""
     logs, weights = log_weights.copy(), np.empty(len(log_weights))
     log_sum = normalize(logs, weights)
     return logs, weights, float(log_sum)

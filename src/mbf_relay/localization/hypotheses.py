@@ -1,13 +1,12 @@
-"""Rival hypotheses: other places the robot may be, each with the evidence of all scans since it came up.
+"""Multi-hypothesis tracking: other poses the robot may have, each with the evidence of all scans since it was found.
 
-The particles hold one hypothesis. Where scans stop fitting, odometry may have slipped or the robot may have been
-carried; where it was started anywhere, many places may look alike. Each such place is a normal distribution of its own
-that moves with odometry, is pulled to where scans fit, and gathers evidence (Jensfelt and Kristensen 2001). It enters
-at the prior odds of a slip or of having been carried; the scan that brought it up is not counted. It replaces the
-hypothesis held when it has the better evidence over several scans and some distance: never on one scan, since something
-always looks like something else. The one replaced becomes a rival and may come back. Each keeps its own probability of
-being right, by how scans fitted where it was; but the robot is in one place only, so that two places that both fit are
-each half as likely, however sure either would be alone.
+The particles represent one hypothesis, the held one. Where scans stop fitting, odometry may have slipped or the robot
+may have been carried; after a global start many places may look alike. Each such place is a *rival*: a normal
+distribution that moves with odometry, is corrected by scans, and accumulates evidence (Jensfelt and Kristensen 2001).
+It starts at the prior odds of a slip or of having been carried, without the scan that it was found by. It replaces the
+held hypothesis when its evidence is better over several scans and some distance; a single scan is never enough. The
+replaced one becomes a rival and may come back. Each keeps its own probability of being right, by how scans fitted
+there. As the robot is in one place only, two places that both fit are each half as likely.
 """
 
 from __future__ import annotations
@@ -25,34 +24,34 @@ from mbf_relay.localization.reliability import RIGHT_TURN, RIGHT_WITHIN, Reliabi
 from mbf_relay.localization.scan_likelihood import ScanLikelihood
 
 MOST = 100
-"""Rivals kept at most."""
+"""Largest number of rivals."""
 FORGOTTEN = -16.0
-"""Log-odds against the hypothesis held below which a rival that is not on trial is dropped, unless scans fit there."""
+"""Log-odds against the held hypothesis below which a rival is dropped, unless it is on trial or scans fit there."""
 FITS = 0.5
-"""Probability of being right, others aside, from which scans fit."""
+"""Probability of being right, rivals not considered, above which scans count as fitting."""
 SAME_PLACE, SAME_HEADING = 0.3, 0.2
-"""Distance (m) and turn (rad) within which two hypotheses are one."""
+"""Distance (m) and turn (rad) below which two hypotheses are merged."""
 PROVEN_SCANS, PROVEN_WAY = 3, 1.0
-"""Scans and way (m) a rival has to prove itself on before it can take over, and until which none is given up: of many
-places found at once, each enters at small odds, the right one too."""
+"""Trial: scans and distance (m) before a rival can take over, and during which it is not dropped: of many places found
+at once each starts with small odds, the right one included."""
 LEAD = 2.0
-"""Log-odds a rival needs to take over, so that equals do not take turns."""
+"""Log-odds by which a rival must lead to take over, so that equal ones do not alternate."""
 WAY_OF_A_SCAN = 3.0
-"""Way (m) after which a scan tells something new: those taken on the way hit the same walls by the same errors."""
+"""Distance (m) after which a scan counts in full as evidence: closer ones hit the same walls with the same errors."""
 LOG_SLIPPED, SLIP_SIZE = math.log(0.02), 0.3
-"""Log-odds that odometry slipped, where a scan makes one ask; mean size (m) of a slip, whose tail is exponential."""
+"""Log-odds that odometry slipped, given a scan that does not fit; mean (m) of a slip, exponentially distributed."""
 
 
 @dataclass(eq=False)
 class Hypothesis:
-    """A place the robot may be.
+    """A pose the robot may have.
 
     Attributes:
-        belief: Where exactly.
-        log_weight: Log of its share of the belief.
-        scans: Since it came up.
-        way: Metres driven since.
-        fit: How scans fitted there since, and with that the probability that it is right.
+        belief: Distribution of the pose, in the map's frame.
+        log_weight: Log of its share of the total belief.
+        scans: Number of scans since it was found.
+        way: Distance driven (m) since then, turns included.
+        fit: How well scans fitted there since, as a probability that it is right.
     """
 
     belief: PoseGaussian
@@ -63,41 +62,41 @@ class Hypothesis:
 
     @property
     def on_trial(self) -> bool:
-        """Whether it has not yet had the scans and the way in which to prove itself."""
+        """Whether it has had fewer than PROVEN_SCANS scans or less than PROVEN_WAY."""
         return self.scans < PROVEN_SCANS or self.way < PROVEN_WAY
 
 
 class Hypotheses:
-    """The rivals of the hypothesis the particles hold.
+    """The hypothesis held by the particles, and its rivals.
 
     Attributes:
-        held: Log of the share of the belief the particles hold.
-        fit: How scans fitted at the one they hold.
-        at: Where that is, shape (3,).
-        rivals: All others.
+        held: Log of the held hypothesis' share of the total belief.
+        fit: How well scans fitted at the held one.
+        at: Its pose, shape (3,), in the map's frame; zero before the first scan.
+        rivals: All other hypotheses.
     """
 
     def __init__(self) -> None:
         self.clear()
 
     def clear(self) -> None:
-        """Forget all rivals, and how scans fitted."""
+        """Drop all rivals and what is known of the held hypothesis."""
         self.held, self.fit, self.at = 0.0, Reliability(), np.zeros(3)
         self.rivals: List[Hypothesis] = []
 
     @property
     def share_held(self) -> float:
-        """Share of the belief, 0 to 1, that the particles hold."""
+        """The held hypothesis' share of the total belief, 0 to 1."""
         return math.exp(self.held)
 
     def reliability(self, deviation: float) -> float:
-        """Return the probability that the pose held is right, which no more than one of the hypotheses is.
+        """Return the probability, 0 to 1, that the held pose is right; at most one hypothesis is.
 
-        Its share beside the rivals is the smaller of two: by the evidence since they came up, which errs where the map
-        lacks walls at one place and not at the other, and by how well scans fit at each.
+        Rivals reduce it in one of two ways, whichever gives less: by their shares of the belief, which err where walls
+        are missing on the map at one place and not at the other, or by how well scans fit at each.
 
         Args:
-            deviation: Of its position (m), of one axis.
+            deviation: Standard deviation (m) of the held position, per axis.
         """
         own, elsewhere = odds(self.fit.right), 0.0
         for rival in self.rivals:
@@ -108,8 +107,7 @@ class Hypotheses:
         return within(deviation) * min(self.share_held * self.fit.right, own / (1.0 + own + elsewhere))
 
     def predict(self, step: Pose2D, noise: np.ndarray, way: float) -> None:
-        """Move the one held and all rivals by a motion of `way` metres; step and noise are as `PoseGaussian.moved`'s.
-        """
+        """Move all hypotheses by odometry; step and noise as for `PoseGaussian.moved`, `way` is the distance (m)."""
         self.at = np.array(Pose2D(*map(float, self.at)).compose(step))
         for rival in self.rivals:
             rival.belief = rival.belief.moved(step, noise)
@@ -125,19 +123,19 @@ class Hypotheses:
         since: float,
         news: float,
     ) -> Judgement:
-        """Pull all rivals to where a scan fits, and weigh them and the one held by it.
+        """Correct all rivals by a scan, and weight all hypotheses by it.
 
         Args:
-            held: Pose of the hypothesis held, the scan already in it, shape (3,).
-            likelihood: Of scans, to climb on.
-            evidence: Judges the poses.
-            seen: Of the scan.
-            way: Metres driven since the last scan.
-            since: Metres driven since the last scan of this lidar.
-            news: Share of the scan, 0 to 1, that earlier ones have not told.
+            held: Pose of the held hypothesis after the scan, shape (3,).
+            likelihood: Likelihood of scans, by which the rivals are corrected.
+            evidence: Computes the evidence for each pose.
+            seen: Parts of the scan.
+            way: Distance (m) driven since the last scan.
+            since: Distance (m) driven since the last scan of this lidar.
+            news: Weight of the scan, 0 to 1: how much of it is independent of earlier scans.
 
         Returns:
-            What the scan says of the pose held, and then of the rivals.
+            The evidence for the held pose, followed by the rivals' in the order they had at the call.
         """
         for rival in self.rivals:
             modes = likelihood.modes(rival.belief.mean[None, :], rival.belief, seen.ends, news)
@@ -155,13 +153,13 @@ class Hypotheses:
         return judged
 
     def add(self, poses: np.ndarray, covariances: np.ndarray, held: np.ndarray, log_carried: float = -math.inf) -> None:
-        """Add rivals at the prior odds of so large a slip, or of having been carried; those of one scan share them.
+        """Add rivals found by one scan, which share the prior odds of a slip of that size or of having been carried.
 
         Args:
-            poses: Places, shape (K, 3); only those that none holds yet are new.
+            poses: Shape (K, 3); those where there is a hypothesis already are left out.
             covariances: Shape (K, 3, 3).
-            held: Pose of the hypothesis held, shape (3,).
-            log_carried: Log-odds that the robot was carried, which may be to anywhere.
+            held: Pose of the held hypothesis, shape (3,).
+            log_carried: Log-odds that the robot was carried, to any place.
         """
         known = [held] + [rival.belief.mean for rival in self.rivals]
         new = [i for i, pose in enumerate(poses) if not any(is_same(pose, other) for other in known)]
@@ -173,7 +171,7 @@ class Hypotheses:
         self._tidy(held)
 
     def start(self, beliefs: List[PoseGaussian], log_weights: np.ndarray) -> PoseGaussian:
-        """Begin with hypotheses of given log-weights, shape (K,); return the best, which is held from now on."""
+        """Start with hypotheses of given log-weights, shape (K,); return the best, which becomes the held one."""
         best = int(np.argmax(log_weights))
         self.held = float(log_weights[best])
         self.rivals = [
@@ -185,7 +183,7 @@ class Hypotheses:
         return beliefs[best]
 
     def challenge(self, held: PoseGaussian) -> Optional[PoseGaussian]:
-        """Return the rival that has proven itself against the one held, which becomes a rival; None where none has."""
+        """Let the best rival not on trial take over if it leads by LEAD; return its belief, None where none does."""
         proven = [rival for rival in self.rivals if not rival.on_trial]
         best = max(proven, key=lambda rival: rival.log_weight, default=None)
         if best is None or best.log_weight < self.held + LEAD:
@@ -196,7 +194,7 @@ class Hypotheses:
         return best.belief
 
     def _tidy(self, held: np.ndarray) -> None:
-        """Merge what has become one place, drop what has no weight to speak of, and normalise."""
+        """Merge hypotheses at the same place, drop rivals of negligible weight, and normalize the weights."""
         kept: List[Hypothesis] = []
         for rival in sorted(self.rivals, key=lambda one: -one.log_weight):
             places = [(held, self.fit)] + [(one.belief.mean, one.fit) for one in kept]
@@ -217,8 +215,7 @@ class Hypotheses:
 def is_same(
     pose: np.ndarray, other: np.ndarray, distance: float = SAME_PLACE, turn: float = SAME_HEADING
 ) -> bool:
-    """Return whether two poses, shape (3,), are one place: less than `distance` (m) and `turn` (rad) from each other.
-    """
+    """Return whether two poses, shape (3,), are less than `distance` (m) and `turn` (rad) apart."""
     near = math.hypot(pose[0] - other[0], pose[1] - other[1]) < distance
     return near and abs(angle_between(other[2], pose[2])) < turn
 

@@ -1,4 +1,4 @@
-"""Whether a robot can be localized from a pose that somebody gives."""
+"""Validation of an initial pose."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from mbf_relay.maps import OccupancyMap
 
 
 def check_initial_pose(pose: Pose2D, covariance: np.ndarray, occupancy: OccupancyMap) -> None:
-    """Raise ValueError where a robot cannot be started at a pose with a covariance, shape (3, 3), on a map."""
+    """Raise ValueError for a pose that is not finite or off the map, or an unusable covariance, shape (3, 3)."""
     covariance = np.asarray(covariance, dtype=float)
     if not pose.is_finite():
         raise ValueError(f"initial pose {tuple(pose)} is not finite")

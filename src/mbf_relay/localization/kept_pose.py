@@ -1,4 +1,4 @@
-"""A pose that outlives the filter, with what odometry said then: a filter that starts again knows the way since."""
+"""The last pose, saved with its odometry pose, so that a restarted filter can add the motion since."""
 
 from __future__ import annotations
 
@@ -9,13 +9,16 @@ from mbf_relay.geometry import Pose2D
 from mbf_relay.localization.distance_field import DOUBTFUL
 
 SAVED_ODOM = "saved_odom"
-"""The parameter beside the initial pose that holds what odometry said when that pose was saved."""
+"""Name of the parameter, beside the initial pose, with the odometry pose at the time when that was saved."""
 
 
 class KeptPose(NamedTuple):
-    """Where a robot was by the last filter, and by odometry, whose frame outlives a filter that dies.
+    """The base's pose by the last filter and by odometry, at one time.
 
-    `pose` is the base's in the map's frame, `odom_pose` in odometry's, `stamp` the time of both (s).
+    Attributes:
+        pose: In the map's frame.
+        odom_pose: In the odometry frame.
+        stamp: Time (s) of both.
     """
 
     pose: Pose2D
@@ -23,23 +26,23 @@ class KeptPose(NamedTuple):
     stamp: float
 
     def as_parameters(self) -> Dict[str, float]:
-        """Return everything by its name below SAVED_ODOM."""
+        """Return all values by their names below SAVED_ODOM."""
         numbers = (*self.odom_pose, self.stamp, *self.pose)
         return {name: float(value) for name, value in zip(_NAMES, numbers)}
 
     def resume(
         self, odom_pose: Pose2D, now: float, fit: Callable[[Pose2D], Optional[float]]
     ) -> Tuple[Pose2D, str]:
-        """Return where the robot is on the map now, and a sentence about it.
+        """Return the base's pose in the map's frame now, and a phrase for the log that says where it comes from.
 
-        Odometry that began anew since, as that of a robot or a simulator that was restarted does, says nothing of the
-        way: then time went back, or the scan fits the map where odometry leads less than half, and no better than where
-        the robot was.
+        It is the saved pose moved by odometry, or the saved pose itself where odometry was reset since, as on a restart
+        of the robot or the simulator: where time went back, or where less than DOUBTFUL of the scan fits the map at the
+        moved pose, and no more than at the saved one.
 
         Args:
-            odom_pose: Where odometry has the base now.
-            now: The time of that (s).
-            fit: Tells which share of a scan, 0 to 1, the map explains from a pose; None where there is no telling.
+            odom_pose: Of the base in the odometry frame, now.
+            now: Time (s) of `odom_pose`.
+            fit: Returns the share of a scan, 0 to 1, that the map explains from a pose; None where it cannot tell.
         """
         if now < self.stamp:
             return self.pose, f"where it was saved: time went back by {self.stamp - now:.1f} s, so odometry began anew"
@@ -58,9 +61,10 @@ _NAMES = ("x", "y", "a", "stamp", "pose_x", "pose_y", "pose_a")
 
 
 def kept_pose_from(value: Any, initial_pose: Pose2D) -> Optional[KeptPose]:
-    """Return what the last filter kept; None where it is nothing of the kind, or belongs to another initial pose.
+    """Return the pose the last filter saved; None where `value` is no such thing or is of another initial pose.
 
-    A launch file that sets the initial pose leaves the odometry of the last run on the parameter server.
+    The latter happens where a launch file sets the initial pose: the saved odometry of the last run stays on the
+    parameter server.
     """
     if not isinstance(value, Mapping):
         return None

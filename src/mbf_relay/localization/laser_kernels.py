@@ -10,7 +10,7 @@ import numpy as np
 from mbf_relay.kernels import kernel
 
 MOST_CELLS = 1 << 24
-"""What the number of a cell around a pose must stay below: it is reckoned in float32, which counts so far."""
+"""Upper bound of cell indices relative to a pose: they are computed in float32, exact for integers up to this."""
 
 
 @kernel(
@@ -18,23 +18,22 @@ MOST_CELLS = 1 << 24
     " int32[::1])"
 )
 def sum_inside(ends, beams, codes, first, width, column0, row0, cos, sin, table, cells):
-    """Add up what a table says of where beams end that are known to end on the map.
+    """Return the sum of the terms of one particle's beams, all of which must end on the map.
 
-    First all cells, then all terms in four sums: loops without a branch, of which the compiler makes vector code and
-    in which no addition waits for the last. Cells are counted from one that no beam ends before, which keeps numbers
-    small: in float32, many at a time, an end is where it should be to 1e-4 of a cell. No number of a cell or beam is
-    below 0; said so, as that of an unsigned kind, it is not looked at again.
+    All cell indices are computed first, then all terms are added in four partial sums: loops without branches, which
+    compilers vectorize. Indices are relative to a cell before all ends, so that float32 places an end to 1e-4 of a
+    cell. They are cast to unsigned integers to avoid numba's handling of negative indices.
 
     Args:
-        ends: Of the beams, shape (2, P), in cells, in the base's frame; P is a multiple of 8, which are done at a time.
-        beams: How many of these there are, the others being none; at most P.
-        codes: Of the distance field, row after row.
-        first: Number of the cell that the others are counted from.
-        width: Of a row.
-        column0, row0: Where the base is, in cells from that cell on.
-        cos, sin: Of its heading.
-        table: The term of a beam that ends in a cell, for each code.
-        cells: Room for P numbers.
+        ends: Ends of the beams in cells, in the base's frame, shape (2, P); P is a multiple of 8.
+        beams: Number of beams, at most P; the columns after them are padding.
+        codes: Of the distance field, shape (height * width,), row by row.
+        first: Index of the cell that indices are relative to.
+        width: Cells in a row of the map.
+        column0, row0: Position of the base in cells, relative to that cell.
+        cos, sin: Of the base's heading relative to the map's axes.
+        table: Term of a beam for each code of the cell it ends in.
+        cells: Working memory, shape (P,).
     """
     for j in range(ends.shape[1]):
         column = np.int32(column0 + (cos * ends[0, j] - sin * ends[1, j]))
@@ -55,14 +54,14 @@ def sum_inside(ends, beams, codes, first, width, column0, row0, cos, sin, table,
 
 @kernel("void(float64[:,::1], float64[:,::1], uint16[:,::1], float32[::1], float64, float64[::1], float64[::1])")
 def sum_over_endpoints(poses, endpoints, codes, table, outside, frame, sums):
-    """Add up what a table says of where each particle's beams end.
+    """Sum for each particle the terms of its beams, looked up by the cells they end in.
 
     Args:
         poses: Particles, shape (N, 3), in the map's frame.
         endpoints: Shape (B, 2) in metres, in the base's frame.
         codes: Of the distance field, shape (height, width).
-        table: The term of a beam that ends in a cell, for each code.
-        outside: The term of a beam that ends off the map.
+        table: Term of a beam for each code of the cell it ends in.
+        outside: Term of a beam that ends off the map.
         frame: Origin x, y, theta and resolution of the map, shape (4,).
         sums: Result, shape (N,).
     """
@@ -75,7 +74,7 @@ def sum_over_endpoints(poses, endpoints, codes, table, outside, frame, sums):
     for j in range(beams):
         ends[0, j], ends[1, j] = endpoints[j, 0] * scale, endpoints[j, 1] * scale
         length = math.hypot(endpoints[j, 0], endpoints[j, 1]) * scale
-        countable = countable and length < MOST_CELLS  # not so what is no number
+        countable = countable and length < MOST_CELLS  # False for NaN
         reach = max(reach, length)
     reach += 2.0
     countable = countable and 2.0 * reach * width < MOST_CELLS
@@ -106,7 +105,7 @@ def sum_over_endpoints(poses, endpoints, codes, table, outside, frame, sums):
 
 @kernel("void(float64[:,::1], float64[:,::1], uint16[:,::1], float32[::1], float64, float64[::1], float32[:,::1])")
 def look_up_endpoints(poses, endpoints, codes, table, outside, frame, values):
-    """Look up where each particle's beams end: as `sum_over_endpoints`, with every term kept, shape (N, B)."""
+    """Look up the term of each particle's beams, shape (N, B); arguments as of `sum_over_endpoints`."""
     height, width = codes.shape
     cos_origin, sin_origin = math.cos(frame[2]), math.sin(frame[2])
     scale = 1.0 / frame[3]
@@ -130,18 +129,19 @@ def look_up_endpoints(poses, endpoints, codes, table, outside, frame, values):
     " float64[::1])"
 )
 def judge_beams(hits, passed, unmapped, most_unmapped, through_walls, logs, hit, through, grazed):
-    """Average over beams how likely they are, how many hit what the map has, and how many pass through what it has.
+    """Average the beams' log-likelihoods and the shares of their classes at each pose; see `evidence.py`.
 
     Args:
-        hits: How well each beam ends on something, 0 to 1, at each pose, shape (K, B); the first is of the one held.
-        passed: Whether it passed through something, shape (K, B).
-        unmapped: Share of the beams that end where the map has nothing, as far as known; the one held may tell of more.
-        most_unmapped: Which it is at most.
-        through_walls: Share of these that pass through something.
+        hits: Probability, 0 to 1, that each beam ends on a mapped obstacle, shape (K, B); the first pose is the held
+            one.
+        passed: Whether each beam passes through a mapped obstacle, shape (K, B).
+        unmapped: Share of unmapped beams learnt so far; that at the held pose is used where it is larger.
+        most_unmapped: Upper bound of the share that is used.
+        through_walls: Share of the unmapped beams that pass through an obstacle.
         logs: Result, shape (K,): mean log-likelihood.
-        hit: Result, shape (K,): mean.
-        through, grazed: Results, shape (K,): means, of those that passed through something and end on nothing, and of
-            those that passed through something and hit.
+        hit: Result, shape (K,): mean of `hits`.
+        through, grazed: Results, shape (K,): shares of the beams that pass through an obstacle and end on none, and of
+            those that pass through one and hit another.
     """
     poses, beams = hits.shape
     price = 0.0
@@ -164,10 +164,16 @@ def judge_beams(hits, passed, unmapped, most_unmapped, through_walls, logs, hit,
 
 @kernel("float64(uint8[:,::1], float64, float64, float64, float64)")
 def cast_ray(blocked, column, row, angle, reach):
-    """Return how far (cells) a ray runs until it enters a blocked cell or leaves the grid, at most `reach`.
+    """Return the length (cells) of a ray until it enters a blocked cell or leaves the grid, at most `reach`.
 
-    The walk from cell border to cell border is Amanatides and Woo's (1987). Distance is counted to the border crossed
-    plus half a cell, so that on average it ends on the wall the blocked cell stands for.
+    Traversal from border to border by Amanatides and Woo (1987). Half a cell is added to the length up to the last
+    border, so that the mean end is in the middle of the blocked cell.
+
+    Args:
+        blocked: Shape (height, width), not 0 where a ray ends.
+        column, row: Start of the ray (cells).
+        angle: Direction (rad) in the grid's frame.
+        reach: Largest length (cells).
     """
     height, width = blocked.shape
     x, y = int(math.floor(column)), int(math.floor(row))
@@ -238,7 +244,16 @@ def sum_over_rays(poses, ranges, bearings, laser, blocked, frame, range_max, mod
 
 @kernel("void(float64[:,::1], uint8[:,::1], float64[::1], float64, float64[::1], float64[::1])")
 def cast_scan(pose, blocked, frame, range_max, bearings, ranges):
-    """Measure what a lidar at a pose, shape (1, 3), would see on the map: bearings (rad) in, ranges (m) out."""
+    """Simulate the scan of a lidar on the map.
+
+    Args:
+        pose: Of the sensor, shape (1, 3), in the map's frame.
+        blocked: Shape (height, width): where a ray ends.
+        frame: Origin x, y, theta and resolution of the map, shape (4,).
+        range_max: Longest range (m).
+        bearings: Directions of the beams (rad) in the sensor's frame, shape (B,).
+        ranges: Result (m), shape (B,), `range_max` where nothing is hit.
+    """
     cos_origin, sin_origin = math.cos(frame[2]), math.sin(frame[2])
     dx, dy = pose[0, 0] - frame[0], pose[0, 1] - frame[1]
     column = (cos_origin * dx + sin_origin * dy) / frame[3]
@@ -253,7 +268,9 @@ def cast_scan(pose, blocked, frame, range_max, bearings, ranges):
     " uint8[:,::1])"
 )
 def trace_endpoints(poses, endpoints, laser, codes, distances, frame, margin, through):
-    """Say which beams had to pass through what the map holds, in steps as long as the distance field allows.
+    """Find the beams that pass through a mapped obstacle.
+
+    Each is followed in steps as long as the distance to the nearest obstacle allows.
 
     Args:
         poses: Shape (K, 3), in the map's frame.
@@ -262,8 +279,8 @@ def trace_endpoints(poses, endpoints, laser, codes, distances, frame, margin, th
         codes: Of the distance field, shape (height, width).
         distances: To the nearest occupied cell (m), for each code.
         frame: Origin x, y, theta and resolution of the map, shape (4,).
-        margin: Length (m) at both ends of a beam in which a wall is none to it: pose and map are not that exact.
-        through: Result, shape (K, B): 1 where a beam passed through a wall.
+        margin: Length (m) at both ends of a beam that is not checked, because pose and map are not more exact.
+        through: Result, shape (K, B): 1 where a beam passes through an obstacle, else 0.
     """
     height, width = codes.shape
     cos_origin, sin_origin = math.cos(frame[2]), math.sin(frame[2])
@@ -302,15 +319,15 @@ def judge_scan(
     poses, endpoints, passed, laser, codes, fits, distances, frame, margin, unmapped, most_unmapped, through_walls,
     judged,
 ):
-    """Judge poses by a scan's ends and its silent beams; see the kernels it puts together.
+    """Compute `judge_beams` for a scan's ends, and the share of silent beams that pass through obstacles.
 
     Args:
         poses, endpoints, laser, codes, distances, frame, margin: As for `trace_endpoints`.
-        passed: Where silent beams got to, shape (S, 2) in metres, in the base's frame.
-        fits: How well a beam that ends in a cell ends on something, 0 to 1, for each code.
+        passed: Points at maximum range along silent beams, shape (S, 2) in metres, in the base's frame.
+        fits: Probability, 0 to 1, that a beam ends on an obstacle, for each code of the cell it ends in.
         unmapped, most_unmapped, through_walls: As for `judge_beams`.
         judged: Result, shape (5, K): the four means of `judge_beams`, and the share of the silent beams that pass
-            through what the map has.
+            through a mapped obstacle.
     """
     hits = np.empty((poses.shape[0], endpoints.shape[0]), np.float32)
     look_up_endpoints(poses, endpoints, codes, fits, 0.0, frame, hits)

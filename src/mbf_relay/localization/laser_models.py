@@ -1,6 +1,6 @@
-"""Laser models: how well a scan fits each particle's pose (chapter 6).
+"""Laser models: the likelihood of a scan at each particle's pose (chapter 6).
 
-Each gives the logarithm of a likelihood up to a constant, so that no product of many beams underflows.
+Each returns a log-likelihood up to a constant, since products of many beams would underflow.
 """
 
 from __future__ import annotations
@@ -23,10 +23,10 @@ CONVERGED_WITHIN = 0.5
 
 
 class LaserModel(abc.ABC):
-    """Weighs scans against one map.
+    """Computes likelihoods of scans on one map.
 
     Attributes:
-        rounds_step_up: Which of amcl's two ways to spread `laser_max_beams` over a scan it uses.
+        rounds_step_up: Whether the step between beams is rounded up; see `step_between`.
     """
 
     rounds_step_up = False
@@ -36,7 +36,7 @@ class LaserModel(abc.ABC):
         self.parameters = parameters
 
     def pick(self, scan: LaserScan, laser_pose: Pose2D) -> Beams:
-        """Return the beams of a scan to weigh; ValueError where its limits mean nothing."""
+        """Return the beams of a scan that the model uses; ValueError as of `limits_of`."""
         values = self.parameters
         step = step_between(len(scan.ranges), values.laser_max_beams, self.rounds_step_up)
         return pick_beams(scan, laser_pose, step, values.laser_min_range, values.laser_max_range)
@@ -48,16 +48,17 @@ class LaserModel(abc.ABC):
         Args:
             poses: Shape (N, 3), in the map's frame.
             beams: Of one scan.
-            converged: Whether the particles lay close together when they were last drawn.
+            converged: Whether the particles were close together (`is_converged`) when they were last resampled.
 
         Returns:
             Shape (N,).
         """
 
     def tempered(self, poses: np.ndarray, beams: Beams, converged: bool = False) -> np.ndarray:
-        """Return the log-likelihood as that of a few independent beams, for the robust form; arguments as above.
+        """Return the log-likelihood scaled to a few independent beams, for the robust form; arguments as above.
 
-        Of cubes that are added that is what as many beams would say as likely as their power mean.
+        Models that add cubes have no product over beams. Their log-likelihood is taken for three times the log of the
+        beams' power mean, and scaled to the number of beams by that.
         """
         count = len(beams.ranges)
         return self.log_likelihoods(poses, beams, converged) * (count * temper(count) / 3.0)
@@ -93,7 +94,7 @@ class BeamModel(LaserModel):
 
 
 class FieldModel(LaserModel):
-    """Base of the models that look endpoints up in a table of terms, made once per maximum range."""
+    """Base of the models that look endpoints up in a table of terms, recomputed where the maximum range changes."""
 
     def __init__(self, field: DistanceField, parameters: LocalizerParameters) -> None:
         super().__init__(field, parameters)
@@ -102,7 +103,7 @@ class FieldModel(LaserModel):
         self._outside = 0.0
 
     def table(self, range_max: float) -> Tuple[np.ndarray, float]:
-        """Return the term of a beam for each code of the cell it ends in (float32), and for ending off the map."""
+        """Return a beam's term for each code of the cell it ends in, float32 (65536,), and for an end off the map."""
         if self._table is None or self._table_key != (range_max,):
             self._table = self.term(self.hit_likelihood(self.field.cell_distances, range_max))
             self._outside = float(
@@ -121,7 +122,7 @@ class FieldModel(LaserModel):
 
     @abc.abstractmethod
     def term(self, likelihood: np.ndarray) -> np.ndarray:
-        """Return what one beam of this likelihood adds to the sum."""
+        """Return the terms of the sum for beams of these likelihoods, of the same shape."""
 
 
 class LikelihoodFieldModel(FieldModel):
@@ -139,7 +140,7 @@ class LikelihoodFieldModel(FieldModel):
 
 
 class LikelihoodFieldProbModel(FieldModel):
-    """Endpoints on the distance field, multiplied as probability has it, with amcl's beam skipping."""
+    """Endpoints on the distance field (table 6.3): the product of the likelihoods, with amcl's beam skipping."""
 
     rounds_step_up = True
 
@@ -160,10 +161,14 @@ class LikelihoodFieldProbModel(FieldModel):
         return self.log_likelihoods(poses, beams, converged) * temper(len(beams.hits))
 
     def beams_to_keep(self, poses: np.ndarray, hits: np.ndarray) -> np.ndarray:
-        """Tell which beams enough particles explain; all of them where too many would be left out.
+        """Return which beams are not skipped, bool of shape (H,).
 
-        A beam that most particles put far from any obstacle hit something the map does not have, e.g. a person.
-        Where nearly every beam does, the filter rather than the map is wrong, and every beam counts.
+        A beam whose end is far from any obstacle for most particles hit something that is not mapped, e.g. a person,
+        and is skipped. Where nearly all would be, the particles are wrong rather than the map, and none is.
+
+        Args:
+            poses: Particles, shape (N, 3), in the map's frame.
+            hits: Ends of the beams (m), shape (H, 2), in the base's frame.
         """
         values = self.parameters
         distances = np.empty((len(poses), len(hits)), dtype=np.float32)
@@ -176,7 +181,7 @@ class LikelihoodFieldProbModel(FieldModel):
 
 
 def is_converged(poses: np.ndarray) -> bool:
-    """Return whether all particles lie within half a metre of their mean in x and in y."""
+    """Return whether all particles lie within CONVERGED_WITHIN of their mean in x and in y, as amcl does."""
     axes = poses[:, 0], poses[:, 1]
     return all(max(axis.max() - axis.mean(), axis.mean() - axis.min()) <= CONVERGED_WITHIN for axis in axes)
 

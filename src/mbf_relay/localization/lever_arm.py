@@ -1,11 +1,11 @@
-"""The lever arm: from the point that odometry follows to the one that scans have for the base, learnt on the drive.
+"""Online calibration of the lever arm, from the point that odometry tracks to the base as scans see it.
 
-A lidar that is mounted 0.2 m from where it is said to be comes 0.4 m along in a turn on the spot, in which odometry has
-the robot standing; along a corridor no scan tells that it did, and odometry's noise, all of it independent, has no room
-for it. The arm r is the same for the whole drive: a step m of odometry is one of r^-1 m r of the base. It is estimated
-with the pose, in which each turn leaves some of the arm's error, so that what corrects the one corrects the other:
-Schmidt's Kalman filter (1966) for the arm, beside the particles for the pose; Roy and Thrun 1999 for learning on the
-drive what odometry errs by all along.
+A lidar mounted 0.2 m from where tf says moves by 0.4 m in a half turn on the spot, where odometry reports no motion. In
+a corridor no scan shows that, and the motion model's noise, independent from step to step, does not cover it. The arm r
+is constant: a step m of odometry is the step r^-1 m r of the base. Each turn adds the arm's error to the pose, so that
+the two are correlated and a scan that corrects the pose corrects the arm, too. The arm and its cross-covariance with
+the pose are kept as in a Schmidt-Kalman filter (1966), beside the particles for the pose. Compare Roy and Thrun 1999
+for calibration of odometry on the drive.
 """
 
 from __future__ import annotations
@@ -18,23 +18,23 @@ from mbf_relay.geometry import Pose2D
 from mbf_relay.localization.gaussians import PoseGaussian
 
 USUAL = 0.1
-"""Deviation (m), of one axis, of an arm of which nothing is known yet."""
+"""Standard deviation (m), per axis, of the arm at first."""
 CHANGES = 0.01
-"""Deviation (m) by which it changes in a radian of turns: wheels that skid turn about no fixed point."""
+"""Process noise: standard deviation (m) per axis after a radian of turns; skidding wheels turn about no fixed point."""
 NEGLIGIBLE = 1e-3
-"""Deviation (m) that is lost in what odometry errs in any step."""
+"""Standard deviation (m) below which noise is not added to particles: odometry's own is much larger."""
 
 
 class LeverArm:
-    """Follows the arm.
+    """Estimate of the lever arm.
 
     Attributes:
         arm: Estimate (m), shape (2,), in the base's frame.
-        covariance: Of it, shape (2, 2).
+        covariance: Its covariance (m^2), shape (2, 2).
     """
 
     def __init__(self) -> None:
-        """Know nothing."""
+        """Begin with no arm and the deviation USUAL."""
         self.arm, self.covariance = np.zeros(2), np.eye(2) * USUAL ** 2
         self._cross = np.zeros((3, 2))  # covariance of the pose held, in the map's frame, with the arm
 
@@ -44,14 +44,14 @@ class LeverArm:
         return Pose2D(step.x + float(swing[0]), step.y + float(swing[1]), step.theta)
 
     def predict(self, heading: float, step: Pose2D) -> np.ndarray:
-        """Let a step leave some of the arm's error in the pose.
+        """Update the covariances for a step, in which a turn adds the arm's error to the pose.
 
         Args:
-            heading: Of the pose held before it (rad), in the map's frame.
+            heading: Of the base before the step (rad), in the map's frame.
             step: Of the base, in its own frame.
 
         Returns:
-            What the step adds for that to the covariance of the position, shape (2, 2), in the map's frame.
+            Covariance (m^2) that the step adds to the position's, shape (2, 2), in the map's frame.
         """
         cos, sin = math.cos(heading), math.sin(heading)
         cross, swing = self._cross, swing_of(heading, step.theta)
@@ -65,10 +65,10 @@ class LeverArm:
         return added
 
     def correct(self, prior: PoseGaussian, posterior: PoseGaussian) -> None:
-        """Take what a scan made of the pose held: the arm follows by as much as it explains of the pose's error."""
+        """Correct the arm by what a scan changed in the correlated held pose, from `prior` to `posterior`."""
         gain = self._cross.T @ prior.information
         explained = gain @ self._cross
-        # Particles, drawn anew, may hold less of the error than was left in them; of more the arm knows nothing.
+        # Resampled particles may vary less than the arm's error in them; the covariance would become negative.
         gain /= math.sqrt(max(1.0, largest_ratio(explained, self.covariance)))
         moved = posterior.mean - prior.mean
         moved[2] = math.remainder(moved[2], 2.0 * math.pi)
@@ -77,12 +77,12 @@ class LeverArm:
         self._cross = posterior.covariance @ gain.T
 
     def forget_pose(self) -> None:
-        """Take another pose, in which there is nothing yet of the arm's error."""
+        """Drop the correlation with the pose, as where another pose is held from now on."""
         self._cross = np.zeros((3, 2))
 
 
 def largest_ratio(part: np.ndarray, whole: np.ndarray) -> float:
-    """Return the largest ratio, over all directions, of two variances that two covariances, shape (2, 2), have there.
+    """Return the largest ratio over all directions of `part`'s variance to `whole`'s; covariances of shape (2, 2).
     """
     (a, b), (_, c) = whole
     (d, e), (_, f) = part
@@ -92,7 +92,7 @@ def largest_ratio(part: np.ndarray, whole: np.ndarray) -> float:
 
 
 def swing_of(heading: float, turn: float) -> np.ndarray:
-    """Return by how much the base moves in the map for each metre of an arm as it turns from a heading, shape (2, 2).
+    """Return R(heading + turn) - R(heading), shape (2, 2): times the arm it is the base's motion (m) in the turn.
     """
     cos = math.cos(heading + turn) - math.cos(heading)
     sin = math.sin(heading + turn) - math.sin(heading)
@@ -100,9 +100,9 @@ def swing_of(heading: float, turn: float) -> np.ndarray:
 
 
 def spread(poses: np.ndarray, added: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """Return poses, shape (N, 3), their positions with noise of a covariance, shape (2, 2).
+    """Return poses, shape (N, 3), with noise of a covariance (m^2), shape (2, 2), added to their positions.
 
-    Of this only what is above 0 counts: noise takes nothing away.
+    Negative eigenvalues, as of a turn that takes back the error of one before, count as 0.
     """
     (a, b), (_, c) = added
     middle, half = 0.5 * (a + c), math.hypot(0.5 * (a - c), b)

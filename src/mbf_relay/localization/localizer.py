@@ -28,15 +28,15 @@ from mbf_relay.median import median
 from mbf_relay.scan import LaserScan
 
 OWN_MODEL = "likelihood_field"
-"""Laser model, the default, that the robust form has a version of its own of: a mixture, tempered, over all beams."""
+"""The default laser model, in place of which the robust form uses `ScanLikelihood` with all beams."""
 LEAST_SHOWN = 0.1
-"""Way (m) that most beams must show at least before a robot counts as moved that odometry has standing."""
+"""Change (m) of most beams above which the robot has moved though odometry shows no motion."""
 STANDS = 0.1
-"""Share of the motion that asks for an update up to which odometry has a robot standing."""
+"""Share of update_min_d and update_min_a up to which odometry counts as standing."""
 FEWEST_PREDICTED = 1500
-"""Particles that odometry moves at least, in the robust form: few would leave the belief in few places."""
+"""Smallest number of particles for the motion update, in the robust form; fewer are replicated to it."""
 NO_NOISE = np.zeros((3, 3))
-"""Of a step where no rival takes it; particles have their own."""
+"""Covariance handed to rivals where there are none; particles are moved by the motion model."""
 
 
 class Localizer:
@@ -46,16 +46,16 @@ class Localizer:
 
     Attributes:
         parameters: The values in force; change them by `reconfigure`.
-        odometry: Whether it goes on, or began anew.
-        field: The map as the filter sees it; change it by `set_map`.
+        odometry: Detects resets of the odometry.
+        field: Distance field of the map; change it by `set_map`.
         poses: Particles, shape (N, 3) as x, y (m), theta (rad), in the map's frame.
         log_weights: Shape (N,), logarithms of weights that sum to one.
         map_from_odom: The odometry frame in the map, None before the first estimate.
         last_estimate: The newest estimate, None before the first.
-        log_likelihood: Logarithm of the particles' average likelihood of the newest scan that was used, all of it, up
-            to a constant of the model; None before the first.
-        effective_particles: How many particles of equal weight would say as much (Kong, Liu, Wong 1994), as that scan
-            left them and before they were drawn anew; None before the first.
+        log_likelihood: Log of the weighted mean over particles of the newest scan's likelihood, up to a constant of the
+            model; None before the first.
+        effective_particles: Effective sample size (Kong, Liu, Wong 1994) after that scan and before resampling; None
+            before the first.
     """
 
     def __init__(self, parameters: LocalizerParameters, occupancy: OccupancyMap, rng: np.random.Generator) -> None:
@@ -75,7 +75,7 @@ class Localizer:
         self._odom_pose: Optional[Pose2D] = None
         self.odometry = OdometryWatch()
         self._awaited: Dict[str, bool] = {}
-        self._stood: Dict[str, Tuple[Pose2D, LaserScan]] = {}  # where odometry stands, and each lidar's scan there
+        self._stood: Dict[str, Tuple[Pose2D, LaserScan]] = {}  # odometry where it began to stand, and the scan there
         self._updates = 0.0
         self._converged = False
         self.field = DistanceField(occupancy, parameters.laser_likelihood_max_dist)
@@ -117,15 +117,15 @@ class Localizer:
         self._forced = True
 
     def change_odometry(self) -> None:
-        """Take odometry of another frame from the next scan on, which shows no motion; the particles stay."""
+        """Expect odometry in another frame from the next scan on; the motion up to it is unknown, particles stay."""
         self.map_from_odom = self._odom_pose = None
         self._stood = {}
 
     def set_map(self, occupancy: OccupancyMap) -> None:
         """Take another map; the particles stay where they are, and the next scan updates them.
 
-        amcl starts again at the pose of the parameter server, which is seconds old or that of the launch file. The map
-        there is, as some nodes send it every second, changes nothing: rivals on it would be forgotten.
+        amcl starts again at the parameter server's pose, which is seconds old or the launch file's. A map equal to the
+        present one is ignored: some nodes send it every second, and each time all rivals would be dropped.
 
         Raises:
             ValueError: The map has no cell. The old one stays.
@@ -139,7 +139,7 @@ class Localizer:
         self.request_update()
 
     def reconfigure(self, parameters: LocalizerParameters) -> None:
-        """Take new parameters at once; the particles stay where they are, and so do their rivals."""
+        """Take new parameters at once; particles stay, and rivals unless `robust` was switched on or off."""
         if parameters.laser_likelihood_max_dist != self.parameters.laser_likelihood_max_dist:
             self.field = DistanceField(self.field.occupancy, parameters.laser_likelihood_max_dist)
         is_robust, self.parameters = self.parameters.robust, parameters
@@ -155,7 +155,7 @@ class Localizer:
         return weights
 
     def hypotheses(self) -> List[Tuple[Pose2D, float]]:
-        """Return where the robot may be: places with their shares of the belief, heaviest first."""
+        """Return the hypotheses: poses with shares of the belief, heaviest first; empty before the first estimate."""
         if self.last_estimate is None:
             return []
         found = [(self.last_estimate.pose, self._tracker.hypotheses.share_held)]
@@ -166,21 +166,21 @@ class Localizer:
     def reliability(self) -> Optional[float]:
         """Return the probability that the newest estimate is right within 0.5 m and 10 degrees.
 
-        None before the first estimate, and with `robust` off, where nothing measures it.
+        None before the first estimate, and with `robust` off.
         """
         if self.last_estimate is None or not self.parameters.robust:
             return None
         return self._tracker.reliability(self.poses, self.log_weights)
 
     def changed_blocks(self) -> OccupancyMap:
-        """Return where the map is not as the scans have it: a cell for each block, 100 changed, 0 not, -1 not seen.
+        """Return the changed blocks of the map as a map with a cell for each block: 100 changed, 0 not, -1 not seen.
 
-        Counted from poses that can be believed, since the last start; all -1 with `robust` off.
+        Only scans from reliable poses since the last start count; all -1 with `robust` off.
         """
         return self._tracker.blocks.as_map()
 
     def find(self, scan: LaserScan, laser_pose_in_base: Pose2D) -> Places:
-        """Return all places on the map where one scan fits nearly as well as anywhere; changes nothing.
+        """Return all places on the map where a scan fits nearly as well as at the best one; changes nothing.
 
         Args:
             scan: The scan.
@@ -193,7 +193,7 @@ class Localizer:
 
     @property
     def searched(self) -> float:
-        """Share, 0 to 1, of what may hold a place that the last search all over the map could look at."""
+        """Share, 0 to 1, of the promising blocks that the last global search examined before its limit."""
         return self._tracker.searched
 
     def fit(self, pose: Pose2D, scan: LaserScan, laser_pose_in_base: Pose2D) -> Optional[float]:
@@ -288,9 +288,9 @@ class Localizer:
         )
 
     def _shown_way(self, odom_pose: Pose2D, scan: LaserScan) -> float:
-        """Return how far (m) most beams have come since odometry stands, or the last scan used; robust form only.
+        """Return the median change (m) of the beams since odometry stands or since the last update; robust form only.
 
-        What walks by moves few of them; 0 where too few came back both times to tell.
+        People walking by change few beams. 0 where too few beams returned both times.
         """
         stood_at, stood = self._stood.get(scan.frame, (odom_pose, scan))
         if stood is scan or self._has_moved(stood_at, odom_pose, STANDS) or not self.parameters.robust:
@@ -327,7 +327,7 @@ class Localizer:
         return pick_beams(scan, laser_pose, 1, self.parameters.laser_min_range, self.parameters.laser_max_range)
 
     def _correct(self, scan: LaserScan, laser_pose: Pose2D, beams: Beams) -> Corrected:
-        """Redraw particles with the whole scan in view, and weigh them, by a laser model that was chosen."""
+        """Robust form: redraw and weight particles by the whole scan, or weight by the chosen laser model."""
         weigh = None
         if self.parameters.laser_model_type != OWN_MODEL:
             picked = self._laser_model.pick(scan, laser_pose)
@@ -338,7 +338,7 @@ class Localizer:
         return corrected
 
     def _reweight(self, beams: Beams) -> float:
-        """Weigh each particle by how the scan fits, and normalise (table 8.2, line 5); return the average's log."""
+        """Weight particles by the likelihood and normalize (table 8.2, line 5); return the log of the average."""
         log_weights = self.log_weights + self._laser_model.log_likelihoods(self.poses, beams, self._converged)
         log_average = log_sum_exp(log_weights)
         self._averages.update(log_average, self.parameters.recovery_alpha_slow, self.parameters.recovery_alpha_fast)
@@ -346,7 +346,7 @@ class Localizer:
         return log_average
 
     def _estimate(self, weights: np.ndarray, pose: Optional[np.ndarray], moments: Optional[Moments]) -> Estimate:
-        """Return where the robot is by the hypothesis the particles hold, as surely as its rivals leave it.
+        """Return the estimate of the held hypothesis, with a covariance over rivals, too.
 
         Args:
             weights: Of the particles, shape (N,), sum one.
@@ -367,7 +367,7 @@ class Localizer:
             own.pose, covariance, own.weight * self._tracker.hypotheses.share_held, own.clusters + len(rivals))
 
     def _resample(self, weights: np.ndarray) -> None:
-        """Draw a new set by weights, shape (N,) (table 8.3, lines 11 to 17), unless that can wait."""
+        """Resample by weights, shape (N,) (table 8.3, lines 11 to 17), unless selective_resampling defers it."""
         values = self.parameters
         if values.selective_resampling and 1.0 / np.square(weights).sum() > 0.5 * len(weights):
             return
@@ -384,7 +384,7 @@ class Localizer:
         return self.field.random_free_poses(count if self.field.has_free_cells else 0, self._rng)
 
     def _start(self, poses: np.ndarray) -> None:
-        """Take new particles; the next scan updates them without a motion."""
+        """Take new particles, shape (N, 3); the next scan updates them without a motion."""
         poses[:, 2] = normalize_angles(poses[:, 2])
         self.poses = poses
         self.log_weights = np.full(len(poses), -math.log(len(poses)))

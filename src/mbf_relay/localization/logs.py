@@ -17,15 +17,15 @@ from mbf_relay.scan import LaserScan
 from mbf_relay.whole_files import whole_file
 
 LARGEST_LOG = 4 << 30
-"""Bytes of a log, unpacked: a day of 1000 beams at 5 Hz."""
+"""Largest size (bytes) of a log, unpacked: a day of 1000 beams at 5 Hz."""
 LARGEST_ANGLE = 100.0
-"""Radians: angles beyond are none, or degrees."""
+"""Largest magnitude (rad) of angle_min and angle_increment."""
 CROWDED = 0.002
-"""Share of all readings at one and the same value beyond which it is the sensor's word for "nothing came back"."""
+"""Share of all readings with the same value from which on that value means "nothing came back"."""
 
 
 SPARSEST = 10.0
-"""Seconds between scans beyond which times are in another unit: of 100 scans a second it is the step in ms."""
+"""Time (s) between scans above which times are in another unit: 100 scans a second are 10 ms apart."""
 
 
 class LogError(ValueError):
@@ -34,17 +34,17 @@ class LogError(ValueError):
 
 @dataclass(frozen=True)
 class RecordedLog:
-    """A drive, scan by scan.
+    """Scans of a drive, with odometry.
 
     Attributes:
         times: Shape (N,), seconds.
         odom: Shape (N, 3): x, y (m), yaw (rad) of the base in the odometry frame at each scan.
         ranges: Shape (N, B), metres.
         angle_min, angle_increment: Of the scans, radians.
-        range_max: Readings (m) from here on are none.
-        reference: Shape (N, 3): where the base truly was on the map, None where nobody knows.
+        range_max: Readings (m) of this and more are invalid.
+        reference: Shape (N, 3): true pose of the base in the map's frame at each scan; None where not known.
         laser_pose: Pose of the sensor in the base's frame.
-        range_min: Readings (m) up to here are none: with many lidars they are codes of errors, millimetres apart.
+        range_min: Readings (m) up to this are invalid: many lidars send error codes as ranges of a few millimetres.
     """
 
     times: np.ndarray
@@ -78,7 +78,7 @@ class RecordedLog:
 
 
 def doubts_on_times(log: RecordedLog) -> List[str]:
-    """Return a line for each way in which a log's times are not of a drive: by them jumps of odometry are told."""
+    """Return a line for each thing that is wrong with a log's times, which jumps of odometry are detected by."""
     with np.errstate(invalid="ignore"):
         steps = np.diff(log.times)
     still, rising = np.flatnonzero(~(steps > 0.0)), steps[steps > 0.0]
@@ -136,7 +136,7 @@ def load_log(path: str) -> RecordedLog:
 
 
 def _check_numbers(path: str, arrays: Dict[str, np.ndarray]) -> None:
-    """Raise LogError where a number that all scans share means nothing, or odometry is beyond any drive."""
+    """Raise LogError for invalid angles or ranges, and for odometry or reference too far from the origin."""
     for name in ("angle_min", "angle_increment", "range_min", "range_max"):
         value = arrays.get(name)
         if value is not None and value.size != 1:
@@ -159,7 +159,7 @@ def _check_numbers(path: str, arrays: Dict[str, np.ndarray]) -> None:
 
 
 def _require_size(stream: BinaryIO) -> None:
-    """Raise ValueError where a log unpacks to more than anybody drives in a day."""
+    """Raise ValueError where a log unpacks to more than LARGEST_LOG."""
     with zipfile.ZipFile(stream) as archive:
         size = sum(entry.file_size for entry in archive.infolist())
     if size > LARGEST_LOG:
@@ -183,10 +183,10 @@ def save_log(path: str, log: RecordedLog) -> None:
 
 
 def guess_range_max(ranges: np.ndarray) -> float:
-    """Return the range (m) from which on readings are none, for logs that do not say.
+    """Return the range (m) from which on readings are invalid, for logs without range_max; ranges of any shape (m).
 
-    Sensors report nothing as one fixed high value, or as a few (81.83, 81.91). So the highest values are taken off as
-    long as each stands out as a crowd of equal readings; where none does, the highest reading is the limit.
+    Sensors report "nothing came back" as one fixed high value, or as several (81.83, 81.91). So the highest values are
+    cut off as long as each is shared by many readings; where none is, the highest reading is the limit.
     """
     readings = ranges[np.isfinite(ranges)]
     readings = readings[readings > 0.0]

@@ -1,5 +1,5 @@
 # mypy: allow-untyped-defs, allow-untyped-calls
-"""Compiled loop that moves particles as odometry did."""
+"""Compiled loop of the differential motion model."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from mbf_relay.kernels import kernel
 
 @kernel("void(float64[:,::1], float64[:,::1], float64[::1], float64[::1], float64[:,::1])")
 def turn_drive_turn(poses, noise, motion, deviations, moved):
-    """Turn poses, drive them ahead and turn them again, each by what odometry says and noise.
+    """Turn each pose, move it ahead and turn it again, by odometry's values plus noise (table 5.6).
 
     Args:
         poses: Shape (N, 3).
         noise: Standard normal, shape (3, N).
-        motion: The first turn (rad), the way (m) and the second turn, shape (3,).
-        deviations: Of the three, shape (3,).
+        motion: The first turn (rad), the translation (m) and the second turn (rad), shape (3,).
+        deviations: Standard deviations of the three, shape (3,).
         moved: Result, shape (N, 3), headings in [-pi, pi).
     """
     for i in range(poses.shape[0]):

@@ -1,4 +1,4 @@
-"""Motion models: where particles may have got to, given what odometry says (section 5.4)."""
+"""Motion models: particles are moved by a step of odometry with noise (section 5.4)."""
 
 from __future__ import annotations
 
@@ -13,27 +13,27 @@ from mbf_relay.localization.motion_kernels import turn_drive_turn
 from mbf_relay.localization.parameters import LocalizerParameters
 
 SHORT_MOTION = 0.01
-"""Translations (m) below this have no direction worth trusting: a turn on the spot."""
+"""Translations (m) below this are a turn on the spot: their direction is noise."""
 USUAL_STEP = 0.2
-"""Motion (m, rad) from one update to the next that amcl's default asks for, and for which people's alphas are tuned."""
+"""Motion (m, rad) between two updates by amcl's default `update_min_d`, for which users' alphas are tuned."""
 
 
 class MotionModel(abc.ABC):
-    """Moves particles by an odometry step with its noise.
+    """Moves particles by an odometry step with noise.
 
-    amcl's plain models use what is a variance in the book as a standard deviation; its "corrected" ones take the
-    root. Both are offered, because the plain ones are the default and people's alphas are tuned to them. Either way
-    the noise of one drive depends on how many steps it is cut into: cut finer, odometry is thought ever better.
+    amcl's plain models use the book's variance as a standard deviation; its "corrected" ones take the square root. Both
+    are offered, because the plain ones are the default and users' alphas are tuned to them. In both, the noise of a
+    drive depends on the number of updates: with shorter steps the total noise is smaller.
 
-    In the robust form the errors of a way add up whatever the steps are: the variance grows with the motion, as that
-    of a sum of independent errors does, at the rate at which amcl's form grows at amcl's own steps, USUAL_STEP, and
-    no slower than `robust_odom_error` says. Slips, which are no such sum, are left to the rival hypotheses.
+    In the robust form it does not: the variance is proportional to the motion, as that of a sum of independent errors.
+    The rate is that of amcl's form with steps of USUAL_STEP, and at least `robust_odom_error`. Slips are not modelled
+    here but by rival hypotheses.
 
     Attributes:
-        alphas: amcl's, from the second on; in the robust form the variances (m^2 or rad^2) they stand for after one
-            metre or radian.
-        corrected: Take the root.
-        least_rate: Least deviation (m) after one metre; None for amcl's form.
+        alphas: 0 and amcl's alpha1 to alpha5; in the robust form the variance (m^2 or rad^2) for each per metre or
+            radian of motion.
+        corrected: Whether the square root is taken.
+        least_rate: Smallest standard deviation (m) after one metre; None for amcl's form.
     """
 
     def __init__(self, parameters: LocalizerParameters, corrected: bool) -> None:
@@ -46,11 +46,11 @@ class MotionModel(abc.ABC):
         self.alphas = (0.0, *(alphas if self.least_rate is None else map(self._rate, alphas)))
 
     def deviation(self, *terms: Tuple[float, float], floor: float = 0.0) -> float:
-        """Return the standard deviation that pairs of an alpha and a motion stand for.
+        """Return the standard deviation for pairs of an alpha and a motion.
 
         Args:
             terms: Alphas with the motions (m or rad) they belong to.
-            floor: The motion (m) to which the least deviation belongs in the robust form.
+            floor: Motion (m) from which the smallest deviation is computed in the robust form.
         """
         if self.least_rate is not None:
             return math.sqrt(max(sum(rate * motion for rate, motion in terms), self.least_rate**2 * floor))
@@ -80,7 +80,7 @@ class DifferentialModel(MotionModel):
         bearing = math.atan2(after.y - before.y, after.x - before.x)
         first = 0.0 if translation < SHORT_MOTION else angle_between(before.theta, bearing)
         second = normalize_angle(angle_between(before.theta, after.theta) - first)
-        # Driving backwards is no half turn, so the noise counts turns from either direction.
+        # Driving backwards gives a first turn of pi though none is made, so noise counts turns from 0 or from pi.
         first_noise = min(abs(first), abs(angle_between(math.pi, first)))
         second_noise = min(abs(second), abs(angle_between(math.pi, second)))
         _, a1, a2, a3, a4, _ = self.alphas
@@ -136,7 +136,7 @@ class OmnidirectionalModel(MotionModel):
         return moved
 
     def _deviations(self, driven: float, turned: float) -> Tuple[float, float, float]:
-        """Return the deviations along (m), in heading (rad) and across (m), the same for a turn to either side."""
+        """Return the standard deviations along (m), in heading (rad) and across (m)."""
         turned = abs(turned)
         _, a1, a2, a3, a4, a5 = self.alphas
         # The plain omni model of amcl swaps alpha 1 and 4; files tuned to it rely on that.

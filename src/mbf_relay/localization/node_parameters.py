@@ -1,4 +1,4 @@
-"""Parameters of the amcl node: those of its filter, and what it does with frames, topics and saved poses."""
+"""Parameters of the amcl node: those of its filter, and those for frames, topics and saved poses."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ class AmclParameters(LocalizerParameters):
 
 
 NODE_ONLY = ("seed", "bag_scan_period", "start_anywhere", "cloud", SAVED_ODOM)
-"""Read once at start, beside AmclParameters and the initial pose."""
+"""Names read once at start, beside AmclParameters and the initial pose."""
 
 INITIAL: Dict[str, float] = {
     "initial_pose_x": 0.0, "initial_pose_y": 0.0, "initial_pose_a": 0.0,
@@ -52,7 +52,7 @@ INITIAL: Dict[str, float] = {
 
 
 def seed_from(values: Mapping[str, Any], otherwise: int) -> Tuple[int, str]:
-    """Return the seed of all chance, and a note where what is given is none and `otherwise` stands in for it."""
+    """Return the seed of the random generator, and a note if the given one is invalid and `otherwise` is used."""
     given = values.get("seed", otherwise)
     try:
         seed = int(convert("seed", given, int))
@@ -64,7 +64,7 @@ def seed_from(values: Mapping[str, Any], otherwise: int) -> Tuple[int, str]:
 
 
 def initial_pose_from(values: Mapping[str, Any]) -> Tuple[Pose2D, np.ndarray, Tuple[str, ...]]:
-    """Return the initial pose, its covariance, and the names whose values were unusable and left at their defaults."""
+    """Return the initial pose, its covariance, shape (3, 3), and the names left at their defaults as invalid."""
     taken, refused = dict(INITIAL), []
     for name in INITIAL:
         value: Optional[Any] = values.get(name)
@@ -86,12 +86,12 @@ def initial_pose_from(values: Mapping[str, Any]) -> Tuple[Pose2D, np.ndarray, Tu
 
 
 def require_initial_pose(values: Mapping[str, Any]) -> None:
-    """Raise ValueError where a value of initial pose or covariance is unusable: in a comparison no default is meant."""
+    """Raise ValueError for an invalid value of initial pose or covariance, where a default must not replace it."""
     for name in initial_pose_from(values)[2]:
         raise ValueError(f"parameter {name} is {values[name]!r}; it must be a finite number, of a covariance 0 or more")
 
 
 def initial_pose_as_parameters(pose: Pose2D, covariance: np.ndarray) -> Dict[str, float]:
-    """Return a pose and its covariance, shape (3, 3), by the names they are saved under."""
+    """Return a pose and the variances of its covariance, shape (3, 3), by the parameters' names."""
     values = (pose.x, pose.y, pose.theta, covariance[0, 0], covariance[1, 1], covariance[2, 2])
     return {name: float(value) for name, value in zip(INITIAL, values)}

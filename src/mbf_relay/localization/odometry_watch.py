@@ -1,4 +1,4 @@
-"""Odometry that begins anew while the robot goes on, as that of a base does whose driver was restarted."""
+"""Detection of odometry that was reset while the robot goes on, as by a restart of the base's driver."""
 
 from __future__ import annotations
 
@@ -9,21 +9,21 @@ from mbf_relay.geometry import Pose2D
 from mbf_relay.localization.distance_field import DOUBTFUL
 
 JUMP = 0.5
-"""Metres, and radians, that odometry comes from one scan to the next beyond what any robot does meanwhile."""
+"""Motion (m, or rad) between two scans, beyond what a robot can do in the time, up to which there is no jump."""
 FASTEST = 10.0
-"""Metres, and radians, a second: what is slower is no jump, unless the robot cannot have got so fast since."""
+"""Largest speed (m/s, or rad/s) of a robot."""
 LIVELIEST = 10.0
-"""Metres, and radians, a second that a robot gets faster in a second: as much as it weighs would push no wheel."""
+"""Largest acceleration (m/s^2, or rad/s^2) of a robot, about that of gravity: friction allows wheels no more."""
 
 
 class OdometryWatch:
-    """Tells from scan to scan whether odometry goes on.
+    """Checks from scan to scan whether odometry was reset.
 
-    It may not where it comes farther than any robot does. It is not believed then if the scan fits where the robot was,
-    and not as well where odometry leads: a robot may be put elsewhere in a simulation, and its odometry with it.
+    A jump farther than a robot can move is taken for a reset if the scan fits the map at the former pose, and better
+    than where odometry leads. Otherwise the robot itself was moved, as a simulator can do, odometry included.
 
     Attributes:
-        jumps: How often it did not go on.
+        jumps: Number of resets so far.
     """
 
     def __init__(self) -> None:
@@ -35,13 +35,13 @@ class OdometryWatch:
         self, odom_pose: Pose2D, now: float, map_from_odom: Optional[Pose2D],
         fit: Callable[[Pose2D], Optional[float]],
     ) -> Optional[Pose2D]:
-        """Return where the frame that odometry had before lies in the one it has begun; None where it goes on.
+        """Return the former odometry frame's pose in the new one after a reset; None where there was none.
 
         Args:
-            odom_pose: Where odometry has the base.
-            now: The time of that (s); where time goes back, so may a robot in a simulation.
-            map_from_odom: The former frame in the map, None where it is not known.
-            fit: Tells which share of the scan, 0 to 1, the map explains from a pose; None where there is no telling.
+            odom_pose: Of the base in the odometry frame.
+            now: Time (s) of `odom_pose`; after a jump back nothing is checked, since a simulation was set back.
+            map_from_odom: Pose of the former odometry frame in the map's frame; None where it is not known.
+            fit: Returns the share of the scan, 0 to 1, that the map explains from a pose; None where it cannot tell.
         """
         last, self._last = self._last, (odom_pose, now)
         if last is None or map_from_odom is None:

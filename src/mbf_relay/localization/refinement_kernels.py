@@ -1,5 +1,5 @@
 # mypy: allow-untyped-defs, allow-untyped-calls
-"""Compiled loops that pull poses to where their scan fits the distance field."""
+"""Compiled loops of scan matching: poses are refined to where a scan fits the distance field."""
 
 from __future__ import annotations
 
@@ -14,23 +14,25 @@ FREE_TO = 25
 OCCUPIED = 1 << 15
 """Added to the distance field's code of an occupied cell; below it are the distances."""
 LONGEST_STEP = 0.2
+"""Upper bound (m) of one Gauss-Newton step."""
 LARGEST_TURN = 0.1
+"""Upper bound (rad) of the turn in one Gauss-Newton step."""
 NEAR = 3
-"""Cells from an end within which the face is that it is on."""
+"""Distance (cells) from a beam's end up to which a face cell is taken for the one it hit."""
 ONE_WAY, FROM_BEHIND = 1.5, 0.3
-"""Length of the sum of the ways to the free cells round a face from which it looks one way, and the cosine between that
-and a beam's from which this came from behind."""
+"""Length of the sum of unit vectors from a face cell to its free neighbours above which it faces one way, and cosine
+between that sum and a beam above which the beam comes from behind."""
 DISTANCE = OCCUPIED - 1
-"""Part of the distance field's codes that tells the distance; 0 is a face."""
+"""Bits of the distance field's codes with the distance; it is 0 in face cells."""
 
 
 @kernel("int64(float64[:,::1], int64[::1], int64, float64, float64, int64[::1])")
 def choose_apart(poses, order, count, distance, turn, chosen):
-    """Choose up to `count` poses, first come first served, none within `distance` (m) and `turn` (rad) of another.
+    """Choose up to `count` poses in order, none within `distance` (m) and `turn` (rad) of an earlier one.
 
     Args:
         poses: Shape (N, 3).
-        order: Their indices, best first, as many of them as are looked at.
+        order: Indices of the poses to consider, best first.
         count, distance, turn: See above.
         chosen: Result, room for `count` indices.
 
@@ -81,8 +83,8 @@ def invert(matrix, inverse):
 def linearize(pose, endpoints, codes, distances, frame, sigma, outlier, information, gradient):
     """Build the normal equations of a scan against the distance field at one pose.
 
-    Each beam counts by the probability that it hit what the map holds rather than something else, which is one step of
-    expectation maximisation for the mixture (1 - outlier) N(d; 0, sigma) + outlier.
+    Each beam is weighted by the probability that it hit a mapped obstacle and not something else, which is the
+    expectation step for the mixture (1 - outlier) exp(-d^2 / 2 sigma^2) + outlier.
 
     Args:
         pose: Shape (3,), in the map's frame.
@@ -90,7 +92,7 @@ def linearize(pose, endpoints, codes, distances, frame, sigma, outlier, informat
         codes: Of the distance field, shape (height, width).
         distances: To the nearest face (m), for each code.
         frame: Origin x, y, theta and resolution of the map, shape (4,).
-        sigma: Deviation (m) of a hit.
+        sigma: Standard deviation (m) of a hit.
         outlier: Share of beams that hit something else.
         information: Result, shape (3, 3): sum of w J^T J / sigma^2.
         gradient: Result, shape (3,): sum of w J^T d / sigma^2.
@@ -151,12 +153,12 @@ def climb(
 ):
     """Move each pose to the nearest maximum of prior times tempered scan likelihood, by Gauss-Newton steps.
 
-    The prior keeps what the scan does not tell, e.g. the way along a bare corridor, where odometry puts it.
+    Directions that the scan does not determine, e.g. along a bare corridor, stay as in the prior.
 
     Args:
-        poses: Where to start, shape (K, 3); where the maxima are, headings in [-pi, pi).
+        poses: Start poses, shape (K, 3), overwritten by the maxima, with headings in [-pi, pi).
         endpoints, codes, distances, frame, outlier: As for `linearize`.
-        sigmas: Deviations (m) to go through, wide to narrow.
+        sigmas: Standard deviations (m) of a hit, used one after the other, wide to narrow, shape (S,).
         temper: Factor on the scan's log-likelihood.
         prior_mean, prior_information: Of the one prior of all poses, shapes (3,) and (3, 3).
         iterations: Steps at each deviation.
@@ -204,14 +206,13 @@ def climb(
     "float64[::1])"
 )
 def credit_from_behind(poses, endpoints, codes, occupancy, frame, table, outside, sums):
-    """Add up what beams have to their credit that end on a face they cannot have seen: it looks the other way.
+    """Sum for each pose the terms of the beams that end on a face which looks away from the lidar.
 
-    A face looks to where the cells round it are free. One of a wall of a single cell, or of the leg of a table, looks
-    both ways.
+    A face looks towards its free neighbours. That of a wall one cell thick, or of a table's leg, looks both ways.
 
     Args:
         poses: Shape (K, 3), in the map's frame.
-        endpoints: Shape (B, 2) in metres, in the base's frame, where beams come from but for the lidar's own place.
+        endpoints: Shape (B, 2) in metres, in the base's frame; beams are taken to come from the base.
         codes: Of the distance field, shape (height, width).
         occupancy: The map, shape (height, width).
         frame: Origin x, y, theta and resolution of the map, shape (4,).

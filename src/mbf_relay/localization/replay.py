@@ -1,4 +1,4 @@
-"""Replay of a recorded log through the filter, and how far it was off."""
+"""Replay of a recorded log through the filter, and its errors."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ LOST_FROM = 1.0
 
 @dataclass(frozen=True)
 class Replay:
-    """What came of a replay.
+    """Result of a replay.
 
     Attributes:
         poses: Shape (N, 3): estimate x, y (m), yaw (rad) at each scan.
         updated: Shape (N,): whether the scan updated the filter.
-        seconds: Shape (N,): time each scan took, by the clock that was handed in; zero without.
-        unusable: Shape (N,): whether scan or odometry were none, so that the pose before was carried on.
+        seconds: Shape (N,): computing time (s) of each scan by the given clock; zero without one.
+        unusable: Shape (N,): whether the filter refused the scan or its odometry.
     """
 
     poses: np.ndarray
@@ -44,7 +44,7 @@ def replay(
         log: The drive.
         occupancy: The map.
         parameters: Of the filter.
-        rng: Where the filter's chance comes from.
+        rng: Random generator of the filter.
         start: Pose at the first scan; anywhere on the map where None.
         covariance: Of the start, shape (3, 3).
         clock: Read before and after every scan.

@@ -1,4 +1,4 @@
-"""The plot of a replay: the map with the ways taken, and the error over time."""
+"""The plot of a replay: the map with the trajectories, and the error over time."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Resampling: as many particles as the spread of the belief calls for, drawn by weight (sections 4.3.4 and 8.3)."""
+"""KLD-adaptive resampling, with random particles of Augmented MCL (sections 4.3.4 and 8.3)."""
 
 from __future__ import annotations
 
@@ -11,21 +11,21 @@ import numpy as np
 from mbf_relay.localization.resampling_kernels import draw_until_enough
 
 FreshPoses = Callable[[int], np.ndarray]
-"""Makes so many random poses, shape (count, 3)."""
+"""Takes a count and returns as many random poses, shape (count, 3)."""
 
 
 @functools.lru_cache(maxsize=8)
 def particle_limits(
     max_particles: int, min_particles: int, kld_err: float, kld_z: float, narrow_is_few: bool = False
 ) -> np.ndarray:
-    """Return how many particles k filled bins call for, k = 0 … max_particles (Fox 2003, equation 14).
+    """Return the number of particles required for k filled bins, k = 0 … max_particles (Fox 2003, equation 14).
 
     Args:
         max_particles, min_particles: Bounds.
         kld_err: Bound on the Kullback-Leibler distance.
         kld_z: Quantile for the probability that the bound holds.
-        narrow_is_few: Take the fewest particles where all lie in one bin. amcl takes the most there, for which its
-            formula gives no reason.
+        narrow_is_few: Whether one filled bin requires min_particles; amcl takes max_particles there, where the formula
+            is not defined.
     """
     bins = np.arange(max_particles + 1, dtype=float)
     b = 2.0 / (9.0 * np.maximum(bins - 1.0, 1.0))
@@ -49,7 +49,7 @@ def resample(
         poses: Particles, shape (N, 3).
         weights: Shape (N,), not negative, sum above 0.
         limits: From `particle_limits`.
-        rng: Where chance comes from.
+        rng: Random generator.
         random_share: Probability of a random pose in place of a drawn one.
         random_poses: Makes the random poses; needed where the share is above 0.
 
@@ -71,15 +71,15 @@ def resample(
 
 
 def replicate(poses: np.ndarray, log_weights: np.ndarray, fewest: int) -> Tuple[np.ndarray, np.ndarray]:
-    """Return particles and log-weights with each repeated as often as it takes to have `fewest`."""
+    """Return particles and log-weights, each repeated equally often, so that there are `fewest` or more."""
     times = -(-fewest // len(poses))
     return np.repeat(poses, times, axis=0), np.repeat(log_weights, times) - math.log(times)
 
 
 class AverageLikelihood:
-    """The slow and the fast average of the particles' likelihood, whose ratio tells when to doubt (table 8.3).
+    """The slow and the fast average of the scans' likelihood, w_slow and w_fast of Augmented MCL (table 8.3).
 
-    Kept as logarithms: with many beams the likelihoods themselves are too small for a float.
+    Kept as logarithms, since likelihoods of many beams underflow.
     """
 
     def __init__(self) -> None:
@@ -108,5 +108,5 @@ class AverageLikelihood:
         return max(0.0, 1.0 - math.exp(min(0.0, self._log_fast - self._log_slow)))
 
     def reset(self) -> None:
-        """Forget both averages, so that one doubt does not feed the next."""
+        """Reset both averages, as amcl does after it has added random particles."""
         self._log_slow = self._log_fast = -math.inf

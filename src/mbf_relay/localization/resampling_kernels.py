@@ -1,5 +1,5 @@
 # mypy: allow-untyped-defs, allow-untyped-calls
-"""Compiled loops over histograms: of poses, drawing until it is well filled, and its clusters; of a scan's ends."""
+"""Compiled loops over histograms: KLD resampling and clusters of poses, and thinning out of a scan's ends."""
 
 from __future__ import annotations
 
@@ -10,17 +10,21 @@ import numpy as np
 from mbf_relay.kernels import kernel
 
 BIN_LENGTH = 0.5
+"""Side (m) of a bin of the pose histogram."""
 BIN_ANGLE = math.pi / 18.0
+"""Width (rad) of a bin in heading."""
 ANGLE_BINS = 36
 OFFSET = 1 << 20
+"""Added to columns and rows of bins, so that keys are not negative up to 500 km from the origin."""
 FRACTION = 0.6180339887498949
+"""Golden ratio less 1: multiples of it modulo 1 are evenly spread."""
 FARTHEST = 1 << 30
-"""Squares from the origin to where a point may lie."""
+"""Largest distance of a point from the origin, in squares, for `first_in_squares`."""
 
 
 @kernel("int64(float64, float64, float64)")
 def key_of(x, y, theta):
-    """Return a number that is the same for all poses of one bin: 0.5 m x 0.5 m x 10 degrees, as in amcl."""
+    """Return the key of a pose's bin in the histogram, of 0.5 m x 0.5 m x 10 degrees as in amcl."""
     column = int(math.floor(x / BIN_LENGTH)) + OFFSET
     row = int(math.floor(y / BIN_LENGTH)) + OFFSET
     sector = int(math.floor((theta + math.pi) / BIN_ANGLE)) % ANGLE_BINS
@@ -29,7 +33,7 @@ def key_of(x, y, theta):
 
 @kernel("int64(int64, int64[::1])")
 def slot_of(key, keys):
-    """Return where a key stands in an open hash table (-1 marks free places), or where it would be put."""
+    """Return the slot of a key in a hash table with open addressing (-1: free), or the slot it would be put in."""
     mask = keys.shape[0] - 1
     slot = ((key * 7046029254386353131) >> 20) & mask
     while keys[slot] != -1 and keys[slot] != key:
@@ -39,14 +43,14 @@ def slot_of(key, keys):
 
 @kernel("boolean(float64[:,::1], float64[::1])")
 def in_one_corner(poses, corner):
-    """Return whether poses, shape (N, 3), fill at most two bins next to each other in each direction: all touch.
+    """Return whether poses fill at most two adjacent bins in each dimension, so that all of these touch.
 
-    So it is with a robot that is tracked; found by the outermost alone. Not so across the turn from pi to -pi.
+    That is the usual case of a tracked robot, found by minima and maxima alone. Bins on both sides of the step from pi
+    to -pi do not count as adjacent here.
 
     Args:
         poses: Shape (N, 3).
-        corner: Result where it is so, shape (3,): the bins' numbers, of column, row and heading, from which the upper
-            ones count.
+        corner: Result where it is so, shape (3,): index of the upper bin in column, row and heading.
     """
     if poses.shape[0] == 0:
         return False
@@ -102,7 +106,7 @@ def draw_until_enough(poses, weights, offset, fresh_index, fresh, limits, drawn)
         first[j] = i
     bins = 0
     corner, filled = np.empty(3), np.zeros(8, dtype=np.uint8)
-    narrow = fresh_index.shape[0] == 0 and in_one_corner(poses, corner)  # eight bins at most need no table
+    narrow = fresh_index.shape[0] == 0 and in_one_corner(poses, corner)  # at most eight bins, without a hash table
     places = 8
     while not narrow and places < 2 * drawn.shape[0]:
         places *= 2
@@ -137,7 +141,7 @@ def draw_until_enough(poses, weights, offset, fresh_index, fresh, limits, drawn)
 
 @kernel("int64(float64[:,::1], int64[::1])")
 def label_clusters(poses, labels):
-    """Number the groups of particles whose bins touch, also across corners and across the turn from pi to -pi.
+    """Label clusters of particles: bins that touch, also at corners and across the step from pi to -pi.
 
     Args:
         poses: Particles, shape (N, 3).
@@ -190,9 +194,9 @@ def first_in_squares(points, counts, side, chosen):
 
     Args:
         points: Shape (N, 2) in metres.
-        counts: Shape (N,): which of them are there to be chosen; empty where all are.
+        counts: Bool of shape (N,): which points may be chosen; empty for all.
         side: Of a square (m).
-        chosen: Result, room for N points, in the order they have.
+        chosen: Result, shape (N, 2), of which the first rows are filled, in the points' order.
 
     Returns:
         How many were chosen.

@@ -1,4 +1,4 @@
-"""The tempered likelihood of a scan, and the poses where it and a prior together are highest."""
+"""The tempered likelihood of a scan, and the maxima of the posterior of a prior and a scan."""
 
 from __future__ import annotations
 
@@ -15,20 +15,21 @@ from mbf_relay.localization.refinement_kernels import choose_apart, climb, credi
 from mbf_relay.localization.resampling_kernels import first_in_squares
 
 INDEPENDENT_BEAMS = 30.0
-"""A scan says no more than so many independent beams would: its beams hit the same few walls, by the same error."""
+"""Number of independent beams that a scan's log-likelihood is scaled down to: its beams err alike."""
 OUTLIERS = 0.15
-"""Share of beams that hit something the map does not have; it bounds what one beam can say against a pose."""
+"""Share of beams that hit something unmapped; it bounds the evidence of one beam against a pose."""
 NARROWING = 1.0 / math.sqrt(3.0)
-"""amcl's cubed sum sees laser_sigma_hit narrowed by this, so a user's sigma keeps its meaning."""
+"""Factor on laser_sigma_hit, by which the cube in amcl's model narrows a Gaussian: users' values are tuned to that."""
 WIDE_SIGMA = 0.3
-"""Deviation (m) at which the climb starts, so that walls are found from farther away."""
+"""Standard deviation (m) of a hit in the first iterations, so that walls attract poses from farther away."""
 SPACING = 0.1
-"""One endpoint (m) in each square of this side: a near wall must not outvote a far one."""
+"""Side (m) of the squares of which each keeps one endpoint, so that a near wall does not outweigh a far one."""
 ITERATIONS = 5
+"""Gauss-Newton steps at each standard deviation."""
 EVERY = np.empty(0, dtype=bool)
-"""In place of a mask that leaves nothing out."""
+"""Mask that stands for all."""
 CLEARLY = 1.0
-"""Logarithm of the probability by which one place is clearly better than another."""
+"""Log of the probability ratio from which on one maximum is preferred to the first."""
 WIDENING = 1.5
 """Factor on the deviations around a maximum, so that the proposal's tails lie above the target's."""
 
@@ -41,7 +42,7 @@ class Modes:
         poses: Shape (K, 3).
         covariances: Shape (K, 3, 3), inverse curvature at each.
         log_masses: Shape (K,): log of the probability around each, up to a constant (Laplace's approximation).
-        explained: Shape (K,): share of the beams that hit what the map holds.
+        explained: Shape (K,): share of the beams that the map explains, 0 to 1.
     """
 
     poses: np.ndarray
@@ -50,12 +51,12 @@ class Modes:
     explained: np.ndarray
 
     def only(self, chosen: np.ndarray) -> Modes:
-        """Return those a mask, shape (K,), says."""
+        """Return the modes chosen by a mask, bool of shape (K,)."""
         return Modes(self.poses[chosen], self.covariances[chosen], self.log_masses[chosen], self.explained[chosen])
 
 
 class ScanLikelihood:
-    """Likelihood of endpoints on a map's distance field: a mixture of hit and anything, tempered."""
+    """Likelihood of endpoints on the distance field: a mixture of hit and outlier for each beam, tempered."""
 
     def __init__(self, field: DistanceField, sigma_hit: float) -> None:
         self._field = field
@@ -72,7 +73,7 @@ class ScanLikelihood:
         Args:
             poses: Shape (N, 3), in the map's frame.
             endpoints: Of the scan, shape (B, 2), in the base's frame.
-            news: Share of the scan, 0 to 1, that earlier ones have not told.
+            news: Weight of the scan, 0 to 1: how much of it is independent of earlier scans.
         """
         sums = np.empty(len(poses))
         field = self._field
@@ -85,8 +86,7 @@ class ScanLikelihood:
     def modes(
         self, starts: np.ndarray, prior: PoseGaussian, endpoints: np.ndarray, news: float = 1.0
     ) -> Modes:
-        """Climb from each start, shape (K, 3), to the nearest maximum of prior times likelihood; one of each is kept.
-        """
+        """Return the distinct maxima of prior times likelihood next to the starts, shape (K, 3); rest as for `log`."""
         poses, covariances, explained = self._climb(
             starts, prior, endpoints, self._narrowing, news * temper(len(endpoints)))
         heights = self.log(poses, endpoints, news) + prior.log_density(poses)
@@ -97,10 +97,10 @@ class ScanLikelihood:
         return Modes(poses[kept], covariances, masses, explained[kept])
 
     def sharpest(self, starts: np.ndarray, prior: PoseGaussian, endpoints: np.ndarray) -> np.ndarray:
-        """Return the highest maximum of prior times likelihood, not tempered, next to starts, (K, 3); shape (3,).
+        """Return the highest maximum, shape (3,), of prior times untempered likelihood next to starts, (K, 3).
 
-        Beams that err alike make a belief too sure, but hardly draw the maximum aside: tempered, it is left where
-        odometry's error still shows. The first start's is returned where no other is clearly higher.
+        Correlated beams make a belief overconfident but hardly shift its maximum, whereas the tempered maximum keeps
+        part of odometry's error. The first start's maximum is returned where no other is clearly higher.
         """
         poses, _, _ = self._climb(starts, prior, endpoints, self._narrow, 1.0)
         if len(poses) == 1:
@@ -127,17 +127,17 @@ class ScanLikelihood:
 
 
 def temper(beams: int) -> float:
-    """Return the factor that makes so many dependent beams count as a few independent ones."""
+    """Return the factor on log-likelihoods that scales so many dependent beams to INDEPENDENT_BEAMS."""
     return min(1.0, INDEPENDENT_BEAMS / max(1, beams))
 
 
 def thin_out(endpoints: np.ndarray, most: int = 1 << 30, among: np.ndarray = EVERY) -> np.ndarray:
-    """Return endpoints with at most one in each square of SPACING and at most so many.
+    """Return at most `most` of some endpoints, at most one in each square of SPACING.
 
     Args:
         endpoints: Shape (B, 2).
-        most: How many at most.
-        among: Bool of shape (B,): those to choose from.
+        most: Largest number.
+        among: Bool of shape (B,): the endpoints to choose from; EVERY for all.
     """
     chosen = np.empty((len(endpoints), 2))
     count = first_in_squares(np.ascontiguousarray(endpoints), among, SPACING, chosen)
@@ -147,7 +147,7 @@ def thin_out(endpoints: np.ndarray, most: int = 1 << 30, among: np.ndarray = EVE
 
 
 def some_of(endpoints: np.ndarray, count: int) -> np.ndarray:
-    """Return about `count` of a scan's endpoints, shape (B, 2), every so-manieth of them."""
+    """Return every n-th of a scan's endpoints, shape (B, 2): between `count`, if there are so many, and twice that."""
     return np.ascontiguousarray(endpoints[:: max(1, len(endpoints) // count)])
 
 
@@ -158,13 +158,13 @@ def apart(poses: np.ndarray, values: np.ndarray, count: int, distance: float, tu
 
 
 def indices_apart(poses: np.ndarray, values: np.ndarray, count: int, distance: float, turn: float) -> np.ndarray:
-    """Return what `apart` does, as an array."""
+    """Return the result of `apart` as an array."""
     order, chosen = np.argsort(-values)[: 50 * count], np.empty(count, dtype=np.int64)
     return chosen[:choose_apart(np.ascontiguousarray(poses), order, count, distance, turn, chosen)]
 
 
 def mixture_around(modes: Modes) -> PoseMixture:
-    """Return the proposal around maxima: shares by their mass, a few draws for each, deviations widened."""
+    """Return a proposal around maxima: shares by mass, with a minimum for each, and covariances widened."""
     parts = tuple(PoseGaussian(p, c * WIDENING ** 2) for p, c in zip(modes.poses, modes.covariances))
     if len(parts) == 1:
         return PoseMixture(parts, np.ones(1))

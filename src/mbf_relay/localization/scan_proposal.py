@@ -1,11 +1,10 @@
-"""A proposal that looks at the scan, for sparse scans, slipping odometry and walls the map does not have.
+"""A proposal distribution that uses the scan, for sparse scans, slipping odometry and unmapped walls.
 
-Plain Monte Carlo localization needs a particle near the truth before it looks at the scan. After a metre of poor
-odometry few are, and the likelihoods of many dependent beams are so sure of themselves that those few decide alone.
-Here the beams' log-likelihoods are tempered, and within each cluster the best particles climb to the maxima of prior
-times likelihood; half of the cluster is then drawn around these, every particle weighed by target over proposal, so
-that the belief stays one from odometry and scans (Grisetti, Stachniss, Burgard 2007, section IV, with a cluster of
-particles in the place of their single one).
+Plain Monte Carlo localization needs particles near the true pose before the scan is used. After a metre of poor
+odometry there are few, and likelihoods of many dependent beams are so peaked that these few decide alone. Here the
+beams' log-likelihoods are tempered, and within each cluster the best particles are refined to the maxima of prior times
+likelihood. Half of the cluster is redrawn around these, and every particle is weighted by target over proposal
+(Grisetti, Stachniss, Burgard 2007, section IV, with a cluster of particles in place of their single one).
 """
 
 from __future__ import annotations
@@ -21,7 +20,7 @@ from mbf_relay.localization.gaussians import PoseGaussian, PoseSample, log_sum_e
 from mbf_relay.localization.scan_likelihood import Modes, ScanLikelihood, indices_apart, mixture_around, some_of
 
 Weigh = Callable[[np.ndarray], np.ndarray]
-"""Poses in, (N, 3), log-likelihoods of a scan out, (N,)."""
+"""Takes poses, (N, 3), and returns log-likelihoods of a scan, (N,)."""
 CLUSTERS = 40
 """Clusters of particles, heaviest first, that are redrawn; a tracked robot has one or two, a lost one many."""
 STARTS = 8
@@ -50,10 +49,10 @@ class Proposed(NamedTuple):
         poses: Shape (N, 3).
         log_weights: Shape (N,), of weights that sum to one.
         weights: Shape (N,).
-        log_likelihood: Logarithm of the particles' average likelihood of the whole scan, and not its news alone.
-        prior: Where odometry had the heaviest cluster.
-        best: Where that fits the scan best.
-        explained: Share of the beams the map explains there.
+        log_likelihood: Log of the weighted mean over particles of the whole scan's likelihood.
+        prior: Distribution of the heaviest cluster before the scan.
+        best: Highest mode of that cluster after the scan.
+        explained: Share of the beams that the map explains at that mode, 0 to 1.
     """
 
     poses: np.ndarray
@@ -66,14 +65,14 @@ class Proposed(NamedTuple):
 
 
 class Redrawn(NamedTuple):
-    """A cluster of which a part was drawn anew.
+    """A cluster of which a part was redrawn.
 
     Attributes:
         poses: Shape (N, 3).
-        log_weights: Shape (N,), the scan not in them.
-        likelihoods: Logarithms, shape (N,), of the scan's news.
-        prior: What the cluster was.
-        modes: Maxima of that times the scan's likelihood.
+        log_weights: Shape (N,), without the scan.
+        likelihoods: Log-likelihoods of the scan, times its weight `news`, shape (N,).
+        prior: Distribution of the cluster before.
+        modes: Maxima of the prior times the scan's likelihood.
     """
 
     poses: np.ndarray
@@ -84,24 +83,24 @@ class Redrawn(NamedTuple):
 
 
 class ScanProposal:
-    """Draws and weighs particles by prior and scan together."""
+    """Draws and weights particles by prior and scan."""
 
     def __init__(self, likelihood: ScanLikelihood) -> None:
-        """Draw by a likelihood of scans on the map."""
+        """Use a likelihood of scans on the map."""
         self._likelihood = likelihood
 
     def propose(
         self, poses: np.ndarray, log_weights: np.ndarray, endpoints: np.ndarray, news: float, rng: np.random.Generator,
         weigh: Optional[Weigh] = None,
     ) -> Proposed:
-        """Return a new particle set.
+        """Return a new particle set for a scan.
 
         Args:
             poses: Particles as odometry moved them, shape (N, 3).
             log_weights: Shape (N,).
             endpoints: Of the scan, shape (B, 2), thinned out, in the base's frame.
             news: Share of the scan, 0 to 1, that earlier ones have not told.
-            rng: Where chance comes from.
+            rng: Random generator.
             weigh: Returns the log-likelihoods of the whole scan at poses; the tempered field's where None.
         """
         labels, count = cluster(poses)
@@ -109,7 +108,7 @@ class ScanProposal:
             look = functools.partial(self._likelihood.log, endpoints=endpoints, news=news)
         else:
             look = functools.partial(_counted, weigh, news)
-        if count == 1:  # redrawn as a whole: what its particles are worth is known afterwards
+        if count == 1:  # the only cluster: likelihoods are computed after redrawing
             first = self._redraw(poses, log_weights, look, endpoints, news, rng)
             poses, log_weights, likelihoods = first[:3]
         else:
@@ -123,7 +122,7 @@ class ScanProposal:
         top = int(np.argmax(first.modes.log_masses))
         best = PoseGaussian(first.modes.poses[top], first.modes.covariances[top])
         explained = float(first.modes.explained[top])
-        # Of a scan in which little is on the map, what fits does so by chance.
+        # Of a scan of which the map explains little, what fits does so by chance.
         likelihoods *= min(1.0, explained / FULL_CREDIT) ** 3
         normal, weights, of_news = normalized(log_weights + likelihoods)
         log_likelihood = of_news if news == 1.0 else log_sum_exp(log_weights + likelihoods / news)
@@ -133,7 +132,7 @@ class ScanProposal:
         self, poses: np.ndarray, log_weights: np.ndarray, look: Weigh, endpoints: np.ndarray, news: float,
         rng: np.random.Generator,
     ) -> Redrawn:
-        """Draw a part of a cluster, (N, 3) and (N,), anew around the maxima of its posterior."""
+        """Redraw a part of a cluster, (N, 3) and (N,), around the maxima of its posterior."""
         sample = PoseSample(poses, log_weights, rng)
         prior = sample.prior
         starts = self._starts(sample.poses, sample.log_weights, prior.covariance, endpoints, news)
@@ -144,7 +143,7 @@ class ScanProposal:
     def _starts(
         self, poses: np.ndarray, log_weights: np.ndarray, covariance: np.ndarray, endpoints: np.ndarray, news: float
     ) -> np.ndarray:
-        """Return where to climb from, shape (K, 3): where weight and some of the beams are best, apart from each other.
+        """Return start poses for the refinement, shape (K, 3): of best weight and likelihood, apart from each other.
 
         Args:
             poses: Of a cluster, shape (N, 3).

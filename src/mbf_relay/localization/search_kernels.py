@@ -10,7 +10,7 @@ from mbf_relay.kernels import kernel
 
 @kernel("float64(int64, int64, int64, int64, int32[:,:,::1], uint8[::1], int64[:,::1], float64)")
 def bound_of(level, row, column, turn, offsets, scores, levels, least):
-    """Return the sum that a scan scores at most with the robot in a block of cells, or 0 where that is too little.
+    """Return an upper bound of a scan's score with the robot in a block of cells, or 0 where it is below `least`.
 
     Args:
         level: Of the pyramid; a block has 2^level cells a side.
@@ -20,12 +20,12 @@ def bound_of(level, row, column, turn, offsets, scores, levels, least):
         scores: The pyramid: at each block the best score of 2 x 2 blocks from it on, levels one after the other, each
             with a row and a column of blocks before the map's first.
         levels: Where a level begins in `scores`, its rows and its columns, shape (L, 3).
-        least: What is enough.
+        least: Smallest score of interest.
     """
     begin, height, width = levels[level, 0], levels[level, 1], levels[level, 2]
     row0, column0 = row << level, column << level
     beams, total = offsets.shape[1], 0
-    spare = 255 * beams - least  # what beams may miss
+    spare = 255 * beams - least  # by which beams may fall short in total
     for j in range(beams):
         x = (column0 + offsets[turn, j, 0]) >> level
         y = (row0 + offsets[turn, j, 1]) >> level
@@ -119,7 +119,7 @@ def add(sums, scores):
 
 @kernel("void(int64, int64[:,::1], int32[:,:,::1], uint8[::1], int64[:,::1], uint16[::1])")
 def bound_all(top, blocks, offsets, scores, levels, bounds):
-    """Find what a scan scores at most in blocks at every heading: what `bound_of` does, for a row of blocks at once.
+    """Compute the upper bounds of a scan's score in blocks at every heading: `bound_of` for a row of blocks at once.
 
     Args:
         top: Level of the blocks.

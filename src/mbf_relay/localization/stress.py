@@ -1,4 +1,4 @@
-"""Stress: a recorded drive made harder in one way or several, to see what a filter bears."""
+"""Stress tests: a recorded drive with worse odometry, sparser scans or an incomplete map."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from mbf_relay.maps import OccupancyMap
 from mbf_relay.parameters import ParameterSet, parameter
 
 BLOCK = 2.0
-"""Side (m) of what a map lacks as a whole: a wall that was built, a shelf that was moved."""
+"""Side (m) of the blocks that are removed from a map."""
 SLIP_SIZE = 0.3
 """Mean length (m) of a slip; its tail is exponential."""
 
@@ -42,7 +42,7 @@ class Stress(ParameterSet):
 
 
 def parse_stress(text: str) -> Stress:
-    """Return the stress that `name=value,name=value` stands for; ValueError where it is none."""
+    """Parse `name=value,name=value`; ValueError where it is none."""
     values: Dict[str, Any] = {}
     for part in text.split(","):
         name, equals, value = part.partition("=")
@@ -62,13 +62,13 @@ def parse_stress(text: str) -> Stress:
 def stressed(
     log: RecordedLog, occupancy: OccupancyMap, stress: Stress, rng: np.random.Generator
 ) -> Tuple[RecordedLog, OccupancyMap]:
-    """Return a log and its map made harder.
+    """Return a log and its map under stress.
 
     Args:
         log: The drive.
         occupancy: Its map.
-        stress: How.
-        rng: Where chance comes from.
+        stress: What is done to both.
+        rng: Random generator.
     """
     odom = spoil(log.odom, stress, rng)[:: stress.every]
     ranges, increment, range_max = log.ranges[:: stress.every], log.angle_increment, log.range_max
@@ -87,7 +87,7 @@ def stressed(
 
 
 def spoil(odom: np.ndarray, stress: Stress, rng: np.random.Generator) -> np.ndarray:
-    """Return odometry, shape (N, 3), with further errors; poses that are no numbers stay so."""
+    """Return odometry, shape (N, 3), with further errors; rows that are not finite stay as they are."""
     known = np.nonzero(np.isfinite(odom).all(axis=1))[0]
     if len(known) == 0 or not (stress.odometry or stress.slips):
         return odom
@@ -106,7 +106,7 @@ def spoil(odom: np.ndarray, stress: Stress, rng: np.random.Generator) -> np.ndar
 
 
 def without_blocks(occupancy: OccupancyMap, share: float, rng: np.random.Generator) -> OccupancyMap:
-    """Return a map that has nothing in each of its blocks with a chance of `share`."""
+    """Return a map in which each block is cleared of obstacles with the probability `share`."""
     height, width = occupancy.data.shape
     side = max(1, round(BLOCK / occupancy.resolution))
     gone = rng.random((1 + height // side, 1 + width // side)) < share

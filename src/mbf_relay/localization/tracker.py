@@ -1,9 +1,9 @@
-"""The robust form of the filter: particles drawn with the scan in view, and rivals for what they may have missed.
+"""The robust form of the filter: a proposal that uses the scan, and rival hypotheses.
 
-predict    particles and rivals go along with odometry
-correct    particles are drawn where prior and scan agree; rivals climb; all hypotheses are weighed by the scan
-watch      from a pose that can be believed, blocks of the map that changed are told from those that did not
-doubt      where scans stop fitting, rivals are looked for: nearby, where odometry may have slipped; then anywhere
+predict    particles and rivals are moved by odometry
+correct    particles are drawn where prior and scan agree; rivals are corrected; all hypotheses are weighted by the scan
+watch      from a reliable pose, changed blocks of the map are detected
+doubt      where scans stop fitting, rivals are searched: nearby, where odometry may have slipped; then anywhere
 decide     a rival with better evidence over several scans takes over
 """
 
@@ -29,43 +29,47 @@ from mbf_relay.localization.scan_proposal import ScanProposal, Weigh
 from mbf_relay.localization.scan_search import Places, ScanSearch
 
 FEWEST_BEAMS = 5
+"""Returns below which a scan is not used to correct the pose."""
 DRAWN_ANEW = 500
-"""Particles around a hypothesis that is taken over."""
+"""Particles drawn around a hypothesis that takes over."""
 METRES_PER_RADIAN = 0.5
-"""A turn shows as much that is new as so many metres."""
+"""Distance (m) that a turn of one radian counts as."""
 NEARBY, STARTS = 6000, 8
+"""Poses sampled in a search nearby, and the best of them that are refined."""
 SLIP = np.array([0.25, 0.25, 0.15])
 SLIP_PER_METRE = np.array([0.3, 0.3, 0.1])
-"""Deviations (m, m, rad) of a slip, and what each metre driven in doubt adds to these."""
+"""Standard deviations (m, m, rad) of a slip, and what each metre driven in doubt adds to them."""
 GAIN = 0.05
-"""Share of the beams more than where the robot is thought to be that a new rival must explain."""
+"""Share of the beams that a new rival must explain more than the held pose does."""
 AGAIN_NEARBY, AGAIN_ANYWHERE = 0.4, 3.0
-"""Way (m) from one search to the next."""
+"""Distance (m) from one search to the next, nearby and anywhere."""
 ASTRAY, LOG_CARRIED = 3.0, -14.0
-"""Way (m) driven in doubt before rivals are looked for anywhere, and the log-odds that the robot was carried there."""
+"""Distance (m) driven in doubt before a search anywhere, and the prior log-odds that the robot was carried."""
 RECOVERING_ASTRAY, RECOVERING_LOG_CARRIED = 0.5, -7.0
-"""The same with amcl's recovery on, which says that this robot is carried at times."""
+"""The same with recovery_alpha_fast above 0, by which the user says that the robot is carried at times."""
 WRONG = 0.05
-"""Probability of being right below which a pose is taken for wrong, however well the newest scan fits."""
+"""Probability of being right below which a pose is in doubt, however well the newest scan fits."""
 ANYWHERE = np.array([100.0, 100.0, 10.0])
-"""Deviations (m, m, rad) of a rival looked for on the whole map: no prior to speak of."""
+"""Standard deviations (m, m, rad) of the prior in a search on the whole map: practically flat."""
 START_MARGIN = 0.2
-"""Share of the best place's score by which others may fall short and still be hypotheses at a start anywhere."""
+"""How far below the best score, 0 to 1, a place's may be for it to become a hypothesis in a global search."""
 VIEW = 1.0
-"""Way (m) after which a lidar's scan is all news. Scans before that hit the same walls and err alike where the map
-lacks some: counted in full every few centimetres, they would make the filter too sure and pull it astray."""
+"""Distance (m) after which a lidar's scan counts in full. Closer ones hit the same walls and have the same errors where
+the map lacks some: counted in full every few centimetres, they would make the filter overconfident and wrong."""
 STANDING = 0.02
-"""Way (m) that any scan counts as that nobody asked for, such as one after a turn on the spot."""
+"""Smallest distance (m) that a scan counts as."""
 BELIEVED = 0.8
-"""Reliability from which a pose is good enough to say of the map that it changed. A third of the walls missing leaves
-0.9 to a right pose."""
+"""Reliability from which on changes of the map are counted. With a third of the walls missing, a right pose has 0.9."""
 
 
 class Doubt:
-    """Whether scans fit as they used to: the share of beams the map explains against its own average.
+    """Detects scans that fit worse than usual, by the share of beams that the map explains.
 
     Attributes:
-        way: Metres driven in doubt, less those driven without since.
+        way: Distance (m) driven in doubt, less that driven without since; 0 or more.
+        LEARNT_OVER: Distance (m) over which the usual share is averaged.
+        LOW: Factor on the usual share below which a scan is doubtful.
+        LEAST: Share below which any scan is doubtful.
     """
 
     LEARNT_OVER, LOW, LEAST = 20.0, 0.75, 0.3
@@ -75,9 +79,12 @@ class Doubt:
         self.way = 0.0
 
     def look(self, explained: float, way: float, right: float) -> bool:
-        """Take the share of one scan, the way (m) to it and the probability that the pose is right.
+        """Take a scan and return whether the pose is in doubt.
 
-        Return whether the share is clearly below the usual, or the pose taken for wrong.
+        Args:
+            explained: Share of the beams that the map explains, 0 to 1.
+            way: Distance (m) driven since the last scan.
+            right: Probability, 0 to 1, that the pose is right; below WRONG it is in doubt anyway.
         """
         usual = explained if self._usual is None else self._usual
         doubtful = explained < max(self.LEAST, self.LOW * usual) or right < WRONG
@@ -93,10 +100,11 @@ class Corrected(NamedTuple):
         poses: Shape (N, 3).
         log_weights: Shape (N,), of weights that sum to one.
         weights: Shape (N,).
-        log_likelihood: Logarithm of the particles' average likelihood of the whole scan, and not its news alone.
-        pose: Where the scan fits best, shape (3,); None where it does not tell.
-        news: Share of the scan, 0 to 1, that earlier ones had not told.
-        moments: Of the particles, where they had to be known.
+        log_likelihood: Log of the weighted mean over particles of the whole scan's likelihood.
+        pose: Pose to publish, where the scan fits best, shape (3,); None where it has too few returns or a rival took
+            over.
+        news: Weight of the scan, 0 to 1: how much of it is independent of earlier scans.
+        moments: Mean and covariance of the particles, where they were computed.
     """
 
     poses: np.ndarray
@@ -109,16 +117,17 @@ class Corrected(NamedTuple):
 
 
 class HypothesisTracker:
-    """Keeps the hypotheses about where the robot is.
+    """The robust form of the filter, except for the motion of particles and resampling.
 
     Attributes:
-        hypotheses: What the particles hold, and its rivals.
-        blocks: Those of the map that changed.
-        searched: Share of the last search's places, 0 to 1, that could be looked at.
+        hypotheses: The held hypothesis and its rivals.
+        lever_arm: Estimate of the lever arm.
+        blocks: Changed blocks of the map.
+        searched: Share, 0 to 1, of the promising blocks that the last global search examined before its limit.
     """
 
     def __init__(self, field: DistanceField, parameters: LocalizerParameters) -> None:
-        """Track on a map; with amcl's recovery on, look all over it soon after scans stop fitting."""
+        """Begin on a map; with recovery_alpha_fast above 0 the whole map is searched soon after scans stop fitting."""
         self.hypotheses = Hypotheses()
         self.lever_arm = LeverArm()
         self.searched = 1.0
@@ -137,7 +146,7 @@ class HypothesisTracker:
         self.blocks = ChangedBlocks(field, parameters.changed_block_size, sigma_hit)
 
     def change(self, field: DistanceField, parameters: LocalizerParameters, same_map: bool) -> None:
-        """Go on with other parameters, or on another map, of which nothing is believed or known yet."""
+        """Take other parameters or another map; on another one rivals, evidence and changed blocks are dropped."""
         evidence, blocks = self._evidence, self.blocks
         self._set_up(field, parameters)
         if same_map:
@@ -147,25 +156,25 @@ class HypothesisTracker:
             self.start(self._anywhere)
 
     def start(self, anywhere: bool = False) -> None:
-        """Begin anew, around the particles handed in next, or anywhere on the map."""
+        """Start again, around the particles given next or, by a global search with the next scan, anywhere."""
         self.hypotheses.clear()
         self.lever_arm.forget_pose()
-        self._told: Optional[np.ndarray] = None  # the pose told last, moved by odometry since
+        self._told: Optional[np.ndarray] = None  # the pose published last, moved by odometry since
         self._doubt = Doubt()
         self._anywhere = anywhere
-        self._ways: Dict[str, float] = {}  # since the last scan of each lidar that told something
-        self._looked: Dict[str, float] = {}  # since the last scan of each lidar, be it that it saw nothing
-        self._way = 0.0  # since the last scan of any that told something
+        self._ways: Dict[str, float] = {}  # (m) since each lidar's last scan that was used
+        self._looked: Dict[str, float] = {}  # (m) since each lidar's last scan, used or not
+        self._way = 0.0  # (m) since the last scan of any lidar that was used
         self._since_nearby = self._since_anywhere = 0.0
         self.blocks.forget()
 
     def predict(self, step: Pose2D, noise: np.ndarray, shown: float = 0.0) -> None:
-        """Move rivals by a step of odometry.
+        """Move all hypotheses by a step of odometry.
 
         Args:
             step: In the base's frame before it.
             noise: Covariance of the step, shape (3, 3), in the base's frame.
-            shown: Way (m) the robot has come at least.
+            shown: Smallest distance (m) the robot has moved, by the scans.
         """
         way = max(shown, float(np.hypot(step.x, step.y)) + METRES_PER_RADIAN * abs(step.theta))
         self._way += way
@@ -182,20 +191,20 @@ class HypothesisTracker:
         self, poses: np.ndarray, log_weights: np.ndarray, beams: Beams, lidar: str, rng: np.random.Generator,
         is_news: bool = False, weigh: Optional[Weigh] = None,
     ) -> Corrected:
-        """Take a scan.
+        """Correct particles and hypotheses by a scan.
 
         Args:
             poses: Particles as odometry moved them, shape (N, 3).
             log_weights: Shape (N,).
             beams: Of the scan, all of them.
-            lidar: Frame of the one that took it: what it has told lately is no news.
-            rng: Where chance comes from.
-            is_news: Whether the scan counts in full, because somebody asked for it.
-            weigh: Weighs particles by the scan; by the tempered likelihood field where None.
+            lidar: Frame of the lidar; the scan's weight depends on the distance since its last one.
+            rng: Random generator.
+            is_news: Whether the scan counts in full anyway, as on a user's request.
+            weigh: Returns log-likelihoods of the scan for particles; the tempered likelihood field where None.
         """
         seen = Seen.of(beams)
         way, self._looked[lidar] = min(self._way, self._looked.get(lidar, self._way)), 0.0
-        if len(seen.ends) < FEWEST_BEAMS:  # the way is left to another lidar that sees something
+        if len(seen.ends) < FEWEST_BEAMS:  # self._way stays, for a lidar with enough returns
             self._look_at_silence(poses, log_weights, seen, way)
             return Corrected(poses, *normalized(log_weights), None, min(1.0, way / VIEW))
         self._way = 0.0
@@ -222,7 +231,7 @@ class HypothesisTracker:
             self._doubt.way = 0.0
             self.lever_arm.forget_pose()
             self._told = None
-            self.blocks.forget()  # counted from a pose that is given up
+            self.blocks.forget()  # they were counted from the pose that was wrong
             poses, log_weights = drawn_around(winner, rng)
             return Corrected(poses, *normalized(log_weights), None, news)
         moments = mean_and_covariance(proposed.poses, proposed.weights)
@@ -240,9 +249,9 @@ class HypothesisTracker:
         return self.hypotheses.reliability(deviation_of(moments[1]))
 
     def _unchanged(self, poses: np.ndarray, log_weights: np.ndarray, endpoints: np.ndarray) -> np.ndarray:
-        """Return a scan's ends without those in changed blocks; all of them where the pose is not to be believed.
+        """Return a scan's ends without those in changed blocks; all of them where the pose is not reliable.
 
-        Rivals, evidence and reliability are given all: else a wrong pose would explain away what speaks against it.
+        Rivals, evidence and reliability use all ends; otherwise a wrong pose would remove the evidence against itself.
         """
         if self.reliability(poses, log_weights) < BELIEVED:
             return endpoints
@@ -260,7 +269,7 @@ class HypothesisTracker:
         return places
 
     def _look_at_silence(self, poses: np.ndarray, log_weights: np.ndarray, seen: Seen, way: float) -> None:
-        """Tell from a scan of which next to nothing came back whether something should have."""
+        """Update the reliability by a scan with too few returns: by silent beams that pass through mapped obstacles."""
         mean, _ = mean_and_covariance(poses, np.exp(log_weights - log_sum_exp(log_weights)))
         through = seen.silence * float(self._evidence.silent_through(np.array([mean]), seen)[0])
         fit = self.hypotheses.fit
@@ -268,7 +277,7 @@ class HypothesisTracker:
             fit.look(fit.hits, through, way)
 
     def _start_anywhere(self, seen: Seen) -> Optional[PoseGaussian]:
-        """Begin with all the places where a scan fits; return the best, None where there is none."""
+        """Start with all places where a scan fits as hypotheses; return the best, None where there is none."""
         modes = self._anywhere_modes(seen.ends, START_MARGIN)
         if modes is None:
             return None
@@ -289,7 +298,7 @@ class HypothesisTracker:
     def _look_for_rivals(
         self, held: PoseGaussian, explained: float, endpoints: np.ndarray, rng: np.random.Generator
     ) -> None:
-        """Look where odometry may have slipped to, and after a long doubt anywhere."""
+        """Search for rivals where odometry may have slipped to and, after metres in doubt, on the whole map."""
         if self._since_nearby >= AGAIN_NEARBY:
             self._since_nearby = 0.0
             wide = held.widened(SLIP + SLIP_PER_METRE * self._doubt.way)
@@ -320,5 +329,5 @@ def moments_of(poses: np.ndarray, log_weights: np.ndarray) -> Moments:
 
 
 def drawn_around(belief: PoseGaussian, rng: np.random.Generator) -> Tuple[np.ndarray, np.ndarray]:
-    """Return particles around a belief, and their equal log-weights."""
+    """Return DRAWN_ANEW particles around a belief, shape (N, 3), and their equal log-weights, (N,)."""
     return belief.sample(DRAWN_ANEW, rng), np.full(DRAWN_ANEW, -np.log(DRAWN_ANEW))

@@ -1,4 +1,4 @@
-"""Trials: logs through the filter with many seeds and under stress, and a table of how they fared, with intervals."""
+"""Trials: replays of logs with many seeds and under stress, and a table of their errors with intervals."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from mbf_relay.statistics import IntervalEstimate, mean
 RIGHT_WITHIN = 0.5
 """Error (m) up to which a pose counts as right."""
 LAST = 10
-"""Scans at the end of a drive by which it is told whether the robot was lost."""
+"""Scans at the end of a drive whose median error tells whether the robot is lost."""
 FIGURES = ("right", "median", "p95", "lost")
 """Share of the scans within RIGHT_WITHIN, errors (m), and whether the robot was lost at the end."""
 
