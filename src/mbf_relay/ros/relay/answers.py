@@ -1,7 +1,7 @@
-"""What move_base says when a goal ends, for whatever the server said.
+"""move_base's terminal state and status text for each result of the server.
 
-The texts are move_base's own, to the letter, because clients compare them; the server's reason travels beside them.
-The server's numbers differ between versions of mbf_msgs, so they are known by the groups their names stand in.
+The texts are exactly move_base's, because clients compare them; the server's reason is kept separately. Outcome codes
+differ between versions of mbf_msgs, so they are classified by the constants of the installed messages.
 """
 
 from __future__ import annotations
@@ -35,8 +35,8 @@ class Answer(NamedTuple):
 
     Attributes:
         status: GoalStatus.SUCCEEDED, PREEMPTED or ABORTED; move_base rejects nothing.
-        text: The status text, move_base's.
-        reason: What the server, or the relay, says of it; for the log and ~navigation_outcome.
+        text: move_base's status text.
+        reason: Explanation of the server or the relay, for the log and ~navigation_outcome.
     """
 
     status: int
@@ -44,7 +44,7 @@ class Answer(NamedTuple):
     reason: str = ""
 
     def give(self, client_goal: Any) -> None:
-        """Set it on a client's goal."""
+        """Set the state and text of a client's goal."""
         if self.status == GoalStatus.SUCCEEDED:
             client_goal.set_succeeded(None, self.text)
         elif self.status == GoalStatus.PREEMPTED:
@@ -54,27 +54,27 @@ class Answer(NamedTuple):
 
 
 def preempted(text: str = "", reason: str = "") -> Answer:
-    """Answer a goal that was cancelled or replaced."""
+    """Return the answer to a goal that was cancelled or replaced."""
     return Answer(GoalStatus.PREEMPTED, text, reason)
 
 
 def aborted(text: str, reason: str = "") -> Answer:
-    """Answer a goal that failed."""
+    """Return the answer to a goal that failed."""
     return Answer(GoalStatus.ABORTED, text, reason or text)
 
 
 def server_absent(parameters: Any) -> Answer:
-    """Answer a goal that waited for a server in vain."""
+    """Return the answer to a goal for which no server came within server_timeout."""
     return aborted(
         f"No Move Base Flex server '{parameters.server}' within {parameters.server_timeout:g} s; is it running?"
     )
 
 
 def answer_to(ending: Any, cancelled: bool) -> Answer:
-    """Return move_base's answer to a goal's ending at the server.
+    """Return move_base's answer for the way a goal ended at the server.
 
-    A state and an outcome that contradict each other are read as failure: nobody is told to have arrived who may not
-    have. A server that cancels unasked and says why has failed, as the C++ server does with an unknown plugin.
+    Where state and outcome contradict each other the answer is a failure. A goal that the server cancelled by itself,
+    with another outcome than a cancel, has failed too: the C++ server does so for an unknown plugin.
 
     Args:
         ending: The server's status, text and result.
@@ -94,7 +94,7 @@ def answer_to(ending: Any, cancelled: bool) -> Answer:
 
 
 def not_finite(pose: Any) -> Optional[Answer]:
-    """Return the answer to a goal whose pose holds NaN or infinity, None for any other."""
+    """Return the answer to a goal whose pose has NaN or infinity, None for any other."""
     where, turn = pose.position, pose.orientation
     if not all(map(math.isfinite, (turn.x, turn.y, turn.z, turn.w))):
         return aborted(INVALID_QUATERNION, f"quaternion ({turn.x}, {turn.y}, {turn.z}, {turn.w}) is not finite")
@@ -104,14 +104,15 @@ def not_finite(pose: Any) -> Optional[Answer]:
 
 
 def doubt_of_arrival(ending: Any, target: Any, tolerance: float) -> str:
-    """Return why an arrival is not to be believed, empty where it is or none was claimed.
+    """Return why a reported arrival is not accepted; empty where it is, or the goal did not succeed.
 
-    The C++ server credits a new goal with the success of the one before it; its result still says where the robot was.
+    The C++ server may report the success of a replaced goal as that of the new one. The result's final_pose and
+    dist_to_goal still tell where the robot was.
 
     Args:
         ending: The server's status, text and result.
         target: The goal's PoseStamped.
-        tolerance: Distance (m) from the goal within which a robot has arrived, whatever its controller's own.
+        tolerance: Largest accepted distance (m) from the goal (arrival_tolerance).
     """
     if ending.status != GoalStatus.SUCCEEDED or ending.result is None:
         return ""
@@ -130,20 +131,19 @@ def doubt_of_arrival(ending: Any, target: Any, tolerance: float) -> str:
 
 
 def not_arrived(doubt: str, cancelled: bool) -> Answer:
-    """Answer a goal whose arrival is not believed."""
+    """Return the answer to a goal whose reported arrival is not accepted."""
     return preempted(reason=doubt) if cancelled else aborted(NO_CONTROL, doubt)
 
 
 def same_frame(one: str, other: str) -> bool:
-    """Return whether two names mean one frame."""
+    """Return whether two names mean the same frame, with or without a leading slash."""
     return one.lstrip("/") == other.lstrip("/")
 
 
 def failure_text(outcome: Optional[int]) -> str:
-    """Return which of move_base's three failures an outcome is.
+    """Return which of move_base's three failure texts fits an outcome code.
 
-    What is neither planning nor control (no transform, no plugin, an internal error) would have kept move_base from
-    planning, and it would have said so.
+    Failures of neither planning nor control (no transform, no plugin, an internal error) are counted as planning.
     """
     if outcome in (_code(MoveBaseResult, "OSCILLATION"), _code(ExePathResult, "OSCILLATION")):
         return OSCILLATING
@@ -154,7 +154,7 @@ def failure_text(outcome: Optional[int]) -> str:
 
 
 def is_cancel(outcome: Optional[int]) -> bool:
-    """Return whether an outcome says that somebody cancelled."""
+    """Return whether an outcome code is a CANCELED of any of the four actions."""
     codes = [_code(kind, "CANCELED") for kind in (MoveBaseResult, GetPathResult, ExePathResult, RecoveryResult)]
     return outcome is not None and outcome in codes
 
@@ -169,7 +169,7 @@ def outcome_name(outcome: int) -> str:
 
 
 def is_upright(quaternion: Any) -> bool:
-    """Return whether move_base takes a quaternion for a goal: finite, not zero, and turning about the vertical."""
+    """Return whether move_base accepts a goal's quaternion: finite, not zero, and a rotation about the z axis."""
     length = quaternion_length(quaternion)
     if not math.isfinite(length) or length < SHORTEST_QUATERNION:
         return False
@@ -177,7 +177,7 @@ def is_upright(quaternion: Any) -> bool:
 
 
 def _code(kind: Any, name: str) -> Optional[int]:
-    """Return a constant, None in a version that lacks it."""
+    """Return a message's constant, None where the installed version lacks it."""
     return getattr(kind, name, None)
 
 

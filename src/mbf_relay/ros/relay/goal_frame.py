@@ -1,7 +1,7 @@
-"""~current_goal in the global frame, as move_base shows it, without listening to tf all the time.
+"""~current_goal in the global frame, as in move_base, without a permanent tf listener.
 
-A goal in another frame is rare, and a Python tf listener costs more than the rest of the relay together. So one is
-opened for such goals alone, by one thread, which looks only at the newest and ends when there is none.
+Goals in other frames are rare, and a Python tf listener takes more CPU than the rest of the relay. A listener is opened
+only for such a goal, in a thread that transforms the newest goal and then ends.
 """
 
 from __future__ import annotations
@@ -21,23 +21,23 @@ from mbf_relay.ros.common.conversions import pose_from_message, pose_stamped
 from mbf_relay.ros.common.transforms import Transforms
 
 TF_TIMEOUT = 2.0
-"""Wall time (s) to wait for the transform, after which the goal is shown as it came, as move_base does."""
+"""Wall time (s) to wait for the transform; after that the goal is published unchanged, as in move_base."""
 LOOK_PERIOD = 0.02
-"""Wall time (s) between two looks at tf."""
+"""Wall time (s) between two lookups."""
 
 
 class GoalFrame:
-    """Hands goals on in one frame, the newest last."""
+    """Publishes goals transformed to one frame; an older goal never follows a newer one."""
 
     def __init__(
         self, frame: str, publish: Callable[[PoseStamped], None], open_transforms: Callable[[], Transforms] = Transforms
     ) -> None:
-        """Show nothing yet.
+        """Begin without a goal.
 
         Args:
-            frame: The frame.
-            publish: Called with each goal to show.
-            open_transforms: Begins to listen to tf.
+            frame: Frame to transform goals to.
+            publish: Called with each transformed goal.
+            open_transforms: Opens a tf listener.
         """
         self._frame, self._publish, self._open_transforms = frame.lstrip("/"), publish, open_transforms
         self._lock = threading.Lock()  # guards what follows
@@ -46,7 +46,7 @@ class GoalFrame:
         self._thread: Optional[threading.Thread] = None
 
     def show(self, pose: PoseStamped) -> None:
-        """Hand a goal on: at once where it is in the frame, else as soon as tf knows, unless a newer one came."""
+        """Publish a goal: at once if it is in the frame, else when the transform is there, unless a newer one comes."""
         with self._lock:
             if pose.header.frame_id.lstrip("/") in ("", self._frame):
                 self._newest = None
@@ -62,14 +62,14 @@ class GoalFrame:
             with contextlib.closing(self._open_transforms()) as transforms:
                 while self._look(transforms):
                     time.sleep(LOOK_PERIOD)
-        except Exception as error:  # no thread or file is left, as a rule
+        except Exception as error:  # usually no thread or file descriptor is left
             with self._lock:
                 self._thread, pose = None, self._newest
                 if pose is not None:
                     self._show_as_it_came(pose, f"{type(error).__name__}: {error}")
 
     def _look(self, transforms: Transforms) -> bool:
-        """Show the newest goal if that is possible by now; return whether one is left."""
+        """Publish the newest goal if its transform is there or TF_TIMEOUT is over; return whether to go on waiting."""
         with self._lock:
             pose = self._newest
             if pose is not None:

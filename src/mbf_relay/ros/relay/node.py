@@ -26,16 +26,16 @@ from mbf_relay.ros.relay.relay import ClientGoal, Observer, Relay, RelayParamete
 from mbf_relay.ros.relay.server_side import RemoteServer, ServerSide, Settings
 
 CHECK_PERIOD = 0.1
-"""Wall time (s) between looks at the server and at what has waited too long."""
+"""Wall time (s) between two checks of the server and of timeouts."""
 
 
 def serve(action: bool = True, topic: bool = True, side: Optional[ServerSide] = None) -> None:
-    """Stand in for move_base until the node ends.
+    """Run the node until ROS shuts down.
 
     Args:
-        action: Serve the action move_base.
-        topic: Take goals from move_base_simple/goal.
-        side: The server; one of another process where None.
+        action: Whether to serve the action move_base.
+        topic: Whether to take goals from move_base_simple/goal.
+        side: The server; None for one in another process.
     """
     side = side or RemoteServer()
     parameters = side.relay_parameters(wishes(ros_parameters.read_namespace("~")))
@@ -70,7 +70,7 @@ def serve(action: bool = True, topic: bool = True, side: Optional[ServerSide] = 
     diagnostics = Diagnostics()
     diagnostics.add("relay", lambda: report(relay, client, parameters.server, publishers))
     spare_what_stays()
-    # goals come last: all above takes its time on a busy machine, and a goal's lease is renewed by _attend
+    # goals are taken last: the above may take long on a busy machine, and _attend has to renew their leases
     if server is not None:
         server.start()
         check_alone("move_base")
@@ -80,9 +80,9 @@ def serve(action: bool = True, topic: bool = True, side: Optional[ServerSide] = 
 
 
 def _attend(client: ActionClient, relay: Relay, side: ServerSide, poses: Optional[SimpleGoals]) -> None:
-    """Look after the server and what waits until the node ends.
+    """Check the server and all timeouts periodically until ROS shuts down.
 
-    Nothing here may wait for anybody: it renews the lease of what the robot drives for.
+    Nothing here may block, since `client.check` renews the lease of the goal that the robot drives for.
     """
     was_up = False
     while not rospy.is_shutdown():
@@ -98,7 +98,7 @@ def _attend(client: ActionClient, relay: Relay, side: ServerSide, poses: Optiona
 
 
 class KnownServer:
-    """The server as the relay sees it: up once it is known what it calls the plugins that were asked for."""
+    """ServerClient that counts as up only once the server's names of the chosen plugins are known."""
 
     def __init__(self, client: ActionClient, settings: Settings) -> None:
         self._client, self._settings = client, settings
@@ -106,12 +106,12 @@ class KnownServer:
 
     @property
     def server_is_up(self) -> bool:
-        """Whether a goal can be composed for it and will arrive."""
+        """Whether a goal can be composed and sent."""
         return self._client.server_is_up and self._settings.knows_server
 
 
 def report(relay: Relay, client: ActionClient, server: str, publishers: Publishers) -> Report:
-    """Say on /diagnostics whether goals can be carried out, and what came of those so far."""
+    """Return the status for /diagnostics: whether the server is there, and counts of how goals ended."""
     is_up, silence = client.server_is_up, client.server_silence
     values = {
         "server": server,
@@ -127,7 +127,7 @@ def report(relay: Relay, client: ActionClient, server: str, publishers: Publishe
 
 
 class Publishers(Observer):
-    """Publishes what the relay brings about."""
+    """Publishes ~current_goal, ~navigation_outcome and the zero velocities."""
 
     def __init__(self, parameters: RelayParameters) -> None:
         publisher = rospy.Publisher
@@ -149,7 +149,7 @@ class Publishers(Observer):
         self._frame.show(pose)
 
     def goal_ended(self, client_goal: ClientGoal, answer: Answer, result: Optional[MoveBaseResult]) -> None:
-        """Publish ~navigation_outcome and say in the log what move_base's text leaves out."""
+        """Publish ~navigation_outcome and log the reason, which move_base's text does not have."""
         goal_id = client_goal.get_goal_id()
         ended = {GoalStatus.SUCCEEDED: "goals reached", GoalStatus.ABORTED: "goals aborted"}
         self.endings[ended.get(answer.status, "goals preempted")] += 1
@@ -164,30 +164,30 @@ class Publishers(Observer):
         self._outcome.publish(outcome)
 
     def robot_seen(self, pose: PoseStamped) -> None:
-        """Keep the robot's pose."""
+        """Store the robot's pose."""
         self.robot_pose = pose
 
     def stop_robot(self) -> None:
-        """Publish zero velocity, where that is wanted."""
+        """Publish a zero velocity if stop_on_server_loss is set."""
         if self._velocity is not None:
             self._velocity.publish(Twist())
 
 
 def nothing_known(answer: Answer) -> MoveBaseResult:
-    """Return a result for a goal the server said nothing of."""
+    """Return a result for a goal that has none from the server."""
     outcome = MoveBaseResult.CANCELED if answer.status == GoalStatus.PREEMPTED else MoveBaseResult.INTERNAL_ERROR
     return MoveBaseResult(outcome=outcome, message=answer.reason or answer.text)
 
 
 class SimpleGoals:
-    """move_base_simple/goal: poses that become goals."""
+    """Subscriber of move_base_simple/goal that turns poses into goals."""
 
     def __init__(self, relay: Relay, through_action: bool) -> None:
-        """Make ready for them; `check` begins to listen.
+        """Prepare; `check` subscribes.
 
         Args:
-            relay: Who pursues them where there is no action.
-            through_action: Publish them as action goals, for everyone to see and cancel, as move_base does.
+            relay: Takes the goals directly if `through_action` is False.
+            through_action: Whether to publish them as goals of the action, visible to all clients, as move_base does.
         """
         self._relay, self._count = relay, 0
         self._goals: Optional[rospy.Publisher] = None
@@ -198,7 +198,9 @@ class SimpleGoals:
             )
 
     def check(self) -> None:
-        """Listen once this node hears its own goals: a latched pose comes at once, and its goal would be lost before.
+        """Subscribe once this node's publisher of goals is connected to its own action server.
+
+        A latched pose arrives right after subscribing, and its goal would be lost before.
         """
         if self._poses is None and (self._goals is None or self._goals.impl.has_connection(rospy.get_name())):
             self._poses = rospy.Subscriber(
@@ -215,14 +217,13 @@ class SimpleGoals:
 
 
 class TopicGoal:
-    """A goal that came as a bare pose, for a relay without the action: nobody to answer but ~navigation_outcome.
+    """ClientGoal for a pose from the topic, in a relay without the action; only ~navigation_outcome tells how it ended.
 
-    Has the methods of actionlib's ServerGoalHandle. Its stamp is not before the pose's, by which its sender may know
-    it.
+    Its stamp is not older than the pose's, so that the sender can match the outcome.
     """
 
     def __init__(self, pose: PoseStamped, number: int) -> None:
-        # what came last is newest, whatever its sender's clock says
+        # not older than now: the last pose is the newest goal, even if its sender's clock is behind
         stamp = max(pose.header.stamp, rospy.get_rostime())
         self._goal = move_base_msgs.MoveBaseGoal(target_pose=pose)
         self._id = GoalID(stamp=stamp, id=f"{rospy.get_name()}-topic-{number}-{stamp.to_sec():.3f}")
@@ -232,14 +233,14 @@ class TopicGoal:
         return self._goal
 
     def get_goal_id(self) -> GoalID:
-        """Return the id it was given here."""
+        """Return the id given here."""
         return self._id
 
     def publish_feedback(self, feedback: Any) -> None:
-        """Do nothing: nobody listens."""
+        """Do nothing: there is no client."""
 
     def set_accepted(self, text: str = "") -> None:
-        """Do nothing: nobody listens; so for the other states."""
+        """Do nothing, as for the other states: there is no client."""
 
     def set_succeeded(self, result: Any = None, text: str = "") -> None:
         """See set_accepted."""

@@ -1,7 +1,7 @@
-"""move_base's own parameters, and what they are called at the Move Base Flex server.
+"""move_base's own parameters, forwarded to the Move Base Flex server under the server's names.
 
-The server has settings of its own. What a user set for move_base is forwarded, what merely stands at its default is
-not: a relay that starts, or starts again, must not undo the server's configuration.
+Only values that a user set for move_base are forwarded, not defaults: the server has its own configuration, which a
+relay that starts, or is restarted, must not overwrite.
 """
 
 from __future__ import annotations
@@ -23,16 +23,16 @@ from mbf_relay.ros.common import reconfigure
 from mbf_relay.ros.common.impatient_proxy import NO_ANSWER
 
 WITHOUT_COUNTERPART = ("conservative_reset_dist", "clearing_rotation_allowed", "make_plan_clear_costmap")
-"""move_base's parameters that the server has nothing like; its recovery behaviours are configured on the server."""
+"""move_base's parameters without a counterpart at the server, where recovery behaviours are configured separately."""
 
 MIRRORED = "mirrored"
-"""Parameter that holds what others hold only because the server has it so: nobody's wish, whoever reads them next."""
+"""Parameter with a copy of those values that only show the server's; the next relay must not take them for a user's."""
 RETRY_AFTER = 1.0
-"""Wall time (s) after which a change the server did not take is sent again."""
+"""Wall time (s) after which a change that did not reach the server is sent again."""
 
 
 def wishes(values: Mapping[str, Any]) -> Dict[str, Any]:
-    """Return the node's parameters without those that a relay which was killed has left there, showing the server's."""
+    """Return the node's parameters as set by users, without those that a killed relay has left to show the server's."""
     mirrored = values.get(MIRRORED, {})
     mirrored = mirrored if isinstance(mirrored, Mapping) else {}
     return {
@@ -42,7 +42,7 @@ def wishes(values: Mapping[str, Any]) -> Dict[str, Any]:
 
 
 def server_changes(old: MoveBaseParameters, new: MoveBaseParameters) -> Dict[str, Any]:
-    """Return what to change at the server, by its names, when move_base's parameters go from `old` to `new`."""
+    """Return what to change at the server, by its names, when move_base's parameters change from `old` to `new`."""
     retries = {"controller_max_retries": NavigatorParameters.controller_max_retries}  # which move_base has no name for
     before, wanted = ({**retries, **server_values(values)} for values in (old, new))
     changed = {SERVER_NAMES[name] for name in SERVER_NAMES if getattr(old, name) != getattr(new, name)}
@@ -50,11 +50,11 @@ def server_changes(old: MoveBaseParameters, new: MoveBaseParameters) -> Dict[str
 
 
 def name_at_server(wanted: str, plugins: Sequence[Mapping[str, str]]) -> Optional[str]:
-    """Return the server's name for the plugin that move_base calls by its type, None where it has none such.
+    """Return the server's name of the plugin that move_base names by its type, None where it has none.
 
     Args:
         wanted: A type such as "navfn/NavfnROS", or one of the server's names.
-        plugins: The server's list: name and type each.
+        plugins: The server's list; each entry has a name and a type.
     """
     for plugin in plugins:
         if wanted in (plugin["name"], plugin["type"]):
@@ -63,27 +63,27 @@ def name_at_server(wanted: str, plugins: Sequence[Mapping[str, str]]) -> Optiona
 
 
 class MoveBaseSettings:
-    """move_base's parameters in force: offered for change, forwarded to the server, and shown as the server has them.
+    """move_base's parameters: its dynamic_reconfigure server, forwarding to the server, and following its changes.
 
-    A worker thread talks to the server, so that neither goals nor dynamic_reconfigure wait for it; `_lock` guards what
-    it shares with their threads.
+    A thread talks to the server, so that neither goals nor dynamic_reconfigure wait for it; `_lock` guards what it
+    shares with other threads. "Wishes" are the values that users set, by the server's names.
     """
 
     recoveries: Tuple[str, ...] = ()
     """The order of recovery behaviours: that of the server's list."""
 
     def __init__(self, server: str, values: MoveBaseParameters) -> None:
-        """Start with what the parameter server held; what differs from move_base's defaults was somebody's wish.
+        """Start with the values on the parameter server; those that differ from move_base's defaults are wishes.
 
         Args:
             server: Name of the server's node.
-            values: The parameters in force.
+            values: The values on the parameter server.
         """
         defaults = MoveBaseParameters()
         self.values = self._started_with = values
-        self._offered = values  # as dynamic_reconfigure has them, which is told late of what the server changes
+        self._offered = values  # as last seen by dynamic_reconfigure, which learns of the server's changes later
         self._server = rospy.resolve_name(server)
-        # what was asked for, by the server's lists; empty for the first of a list
+        # chosen plugin by the server's list; empty for the first of the list
         self._asked = {
             kind: getattr(values, name) if getattr(values, name) != getattr(defaults, name) else ""
             for kind, name in PLUGIN_PARAMETERS.items()
@@ -97,7 +97,7 @@ class MoveBaseSettings:
         self._plugins_wanted = False
 
     def serve(self) -> None:
-        """Offer the parameters for change and follow the server's."""
+        """Start the dynamic_reconfigure server, and follow the server's changes."""
         from mbf_relay.cfg import MoveBaseConfig
 
         self._dynamic = reconfigure.serve(
@@ -108,8 +108,7 @@ class MoveBaseSettings:
         rospy.on_shutdown(self._forget_shown)
 
     def server_came(self) -> None:
-        """Send the server, which starts with its own configuration, what was wished for, and learn what plugins it has.
-        """
+        """Send all wishes to a server that has just started, and read its lists of plugins."""
         with self._lock:
             self._to_send = dict(self._wanted)
             self._plugins_wanted = True
@@ -117,16 +116,16 @@ class MoveBaseSettings:
 
     @property
     def knows_server(self) -> bool:
-        """Whether plugins that were asked for are known by the server's names, so that a goal can be composed."""
+        """Whether the server's names of the chosen plugins are known, so that a goal can be composed."""
         asked = [kind for kind, wanted in self._asked.items() if wanted]
         return not asked or not self._plugins_wanted and all(kind in self._plugins for kind in asked)
 
     def plugin_names(self) -> Tuple[str, str]:
-        """Return the server's names of the planner and controller to use, empty for its first; asks nobody."""
+        """Return the server's names of the planner and controller to use, empty for its first; does not block."""
         return self._name("planners"), self._name("controllers")
 
     def server_name(self, kind: str, name: str) -> str:
-        """Return what the server calls the plugin whose topics move_base has under `name`, a class such as NavfnROS.
+        """Return the server's name of the plugin whose topics move_base has under `name`, such as NavfnROS.
 
         Args:
             kind: "planners" or "controllers".
@@ -142,8 +141,7 @@ class MoveBaseSettings:
         return name_at_server(self._asked[kind], self._plugins.get(kind, ())) or ""
 
     def _learn_plugins(self) -> None:
-        """Ask the master what plugins the server has; here alone, as a master that hangs must not keep a goal waiting.
-        """
+        """Read the server's lists of plugins from the master, which may block."""
         found = {kind: server_plugins(self._server, kind) for kind in self._asked}
         for kind, wanted in self._asked.items():
             if wanted and name_at_server(wanted, found[kind]) is None:
@@ -153,10 +151,10 @@ class MoveBaseSettings:
     def _change(self, new: MoveBaseParameters) -> None:
         """Take new values from dynamic_reconfigure.
 
-        A plugin that the server has not is taken back where it is the one of the start, which stands for the first.
+        The plugin named at the start, where the server does not have it, stands for the first of the server's list.
 
         Raises:
-            ValueError: The server has no such plugin; move_base too refuses one it cannot load.
+            ValueError: The server has no such plugin; move_base, too, refuses one that it cannot load.
         """
         asked = {name: value for name, value in vars(new).items() if value != getattr(self._offered, name)}
         for kind, name in PLUGIN_PARAMETERS.items():
@@ -180,21 +178,21 @@ class MoveBaseSettings:
         self._wake.set()
 
     def _mirror(self, message: Config) -> None:
-        """Show the server's values, except where a wish is still on its way there."""
+        """Take over the server's values, except where a wish has not been sent yet."""
         self._show(decode_config(message))
 
     def _show(self, theirs: Mapping[str, Any], refused: Mapping[str, Any] = MappingProxyType({})) -> None:
-        """Show the server's values.
+        """Take over the server's values and show them in dynamic_reconfigure.
 
         Args:
-            theirs: Those, by its names.
-            refused: What it did not take of what was wished for, which is nobody's wish any more.
+            theirs: The server's values, by its names.
+            refused: Wishes that the server has refused; they are dropped.
         """
         with self._lock:
             for name, value in refused.items():
                 if name not in self._to_send and self._wanted.get(name) == value:
                     del self._wanted[name]
-            asked_for = server_values(self.values)  # what stands for ours there is ours: no patience is one try
+            asked_for = server_values(self.values)  # the same value by another name, such as patience 0 as 0 retries
             shown = {
                 name: theirs[their] if theirs[their] != asked_for[their] else getattr(self.values, name)
                 for name, their in SERVER_NAMES.items() if their in theirs and their not in self._to_send
@@ -208,24 +206,24 @@ class MoveBaseSettings:
             self._started_with = self._started_with.replace(**untouched)
             changed, self.values = values != self.values, values
         if changed or refused:
-            # first, so that whoever is killed has told what was nobody's wish
+            # first, so that a relay killed in between leaves no such value unmarked
             rospy.set_param(f"~{MIRRORED}", untouched)
             self._dynamic.update_configuration(shown)
 
     def _forget_shown(self) -> None:
-        """Take what only shows the server's values off the parameter server, where dynamic_reconfigure put it.
+        """Delete parameters that only show the server's values, which dynamic_reconfigure has set.
 
-        The next relay of this master would take it for wishes, and undo what was changed in the server's own file.
+        The next relay would take them for wishes and overwrite what was changed in the server's own file meanwhile.
         """
         shown = [name for name, server_name in SERVER_NAMES.items() if server_name not in self._wanted]
         for name in (*shown, MIRRORED):
             try:
                 rospy.delete_param(f"~{name}")
             except (KeyError, rospy.ROSException, *NO_ANSWER):
-                pass  # it was never put there, or the master has ended first
+                pass  # it was never set, or the master has ended
 
     def _forward(self) -> None:
-        """Send wishes as they come; where the server is not there, keep them."""
+        """Send wishes as they come, again and again while the server is not there."""
         service = rospy.ServiceProxy(f"{self._server}/set_parameters", Reconfigure)
         while not rospy.is_shutdown():
             self._wake.wait(RETRY_AFTER if self._to_send or self._plugins_wanted else None)
@@ -233,7 +231,7 @@ class MoveBaseSettings:
             self.send_wishes(service)
 
     def send_wishes(self, service: Callable[[Config], Any]) -> None:
-        """Learn what plugins the server has where that is asked for, and send it what it has not been sent yet.
+        """Read the server's lists of plugins where that is due, and send the wishes not sent yet.
 
         Args:
             service: The server's set_parameters.
@@ -241,7 +239,7 @@ class MoveBaseSettings:
         with self._lock:
             changes, self._to_send = self._to_send, {}
             learn = self._plugins_wanted
-            if learn:  # those of a server of before are not known for this one's until all are
+            if learn:  # forget a previous server's lists until those of this one are read
                 self._plugins, self._plugins_wanted = {}, False
         try:
             if learn:
@@ -254,10 +252,10 @@ class MoveBaseSettings:
                 self._plugins_wanted |= learn
 
     def _send(self, service: Callable[[Config], Any], changes: Mapping[str, Any]) -> None:
-        """Send the server wishes; what it does not take is sent no more, or it kept from it those it would take."""
+        """Send wishes to the server; log and drop those it refuses."""
         theirs = decode_config(service(encode_config(changes)).config)
         refused = {name: value for name, value in changes.items() if theirs.get(name, value) != value}
-        if refused and len(changes) > 1:  # one that is refused keeps all that come with it from being taken
+        if refused and len(changes) > 1:  # a single refused value makes the server refuse the whole message
             for name, value in changes.items():
                 self._send(service, {name: value})
             return
@@ -270,7 +268,7 @@ class MoveBaseSettings:
 
 
 def tell_of_misplaced(values: Mapping[str, Any], server: str) -> None:
-    """Say in the log which of move_base's parameters, costmaps' and plugins', the server has to be given instead."""
+    """Warn of groups for costmaps and plugins in move_base's namespace, which must be loaded for the server instead."""
     groups = sorted(
         name for name, value in values.items() if isinstance(value, Mapping) or name == "recovery_behaviors"
     )
@@ -280,7 +278,7 @@ def tell_of_misplaced(values: Mapping[str, Any], server: str) -> None:
 
 
 def server_plugins(server: str, kind: str) -> List[Mapping[str, str]]:
-    """Return the server's list of planners or controllers, empty where there is none."""
+    """Return one of the server's lists of plugins from the parameter server, empty where there is none."""
     plugins = rospy.get_param(f"{server}/{kind}", [])
     return [p for p in plugins if isinstance(p, Mapping) and "name" in p and "type" in p]
 

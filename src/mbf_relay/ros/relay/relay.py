@@ -1,26 +1,25 @@
 """The relay's core: move_base's goals, carried out by a Move Base Flex server.
 
-It pursues one goal at a time, as move_base does. What the goal's client sees:
+It carries out one goal at a time, as move_base does. States that the goal's client sees:
 
     goal arrives ----------> ACTIVE --- the server ends it ------------> SUCCEEDED or ABORTED
       |  |                     |------- a newer goal arrives ----------> PREEMPTED, at once
       |  |                     |------- no server in `server_timeout` -> ABORTED
       |  |                     |------- the server dies ---------------> ABORTED
-      |  |                     |------- its quaternion is none --------> ABORTED, at once
+      |  |                     |------- its quaternion is no yaw ------> ABORTED, at once
       |  |                     `-- cancel --> PREEMPTING -- the server ends it --> PREEMPTED (or what came first)
       |  `-- not finite: ABORTED, and what runs goes on
-      `-- older than the newest goal seen, or called off before it came ----------> RECALLED
+      `-- older than the newest goal seen, or cancelled before it came -----------> RECALLED
 
-What the server is asked follows from two things alone: the goal pursued, and the goals sent that have not ended there.
+What is sent to the server depends only on the current goal and on the goals sent that have not ended there yet.
 
-- The server replaces a running goal when the next one comes, without stopping the robot. So a replaced goal is not
-  cancelled, but neither forgotten: until the server has ended it, it may be what the robot drives for.
-- Where no goal is pursued, or the one that is was cancelled, every goal sent is cancelled, again and again until it
-  ends.
-- A goal waits while a cancel is under way, because a late one would hit it in servers that cancel whatever runs.
-- When the last goal sent has ended, however it did, the robot is told to stand, as move_base tells it.
+- The server replaces a running goal by the next one without stopping the robot. A replaced goal is therefore not
+  cancelled, but kept in the list until the server has ended it, since the robot may still drive for it.
+- Without a current goal, or once it is cancelled, all goals at the server are cancelled, repeatedly until they end.
+- A new goal waits while a cancel is under way, since some servers cancel whatever runs when a late cancel arrives.
+- When the last goal at the server has ended, in any way, a zero velocity is sent, as move_base does.
 
-Nothing here knows topics: goals, the server's client and an observer are handed in.
+There are no topics in this module: goals, the client of the server and an observer are arguments.
 """
 
 from __future__ import annotations
@@ -42,10 +41,10 @@ from mbf_relay.ros.relay.answers import Answer
 CANCEL_REPEATED_AFTER = 1.0
 """Wall time (s) without an answer after which a cancel is sent again."""
 ZERO_REPEATED_AFTER = 0.05
-"""Wall time (s) after which zero velocity is sent once more: what the server sent last may be on its way for longer
-than its answer, and what is sent in one moment gets lost together."""
+"""Wall time (s) after which the zero velocity is sent once more: the server's last velocity may arrive later than its
+result, and the first zero may get lost."""
 SUCCESSOR_PATIENCE = 2.0
-"""Wall time (s) a goal waits for the end of a cancelled predecessor."""
+"""Wall time (s) that a goal waits for a cancelled predecessor to end."""
 
 
 @dataclass(frozen=True)
@@ -69,7 +68,7 @@ class RelayParameters(ParameterSet):
 
     @property
     def acknowledge_timeout(self) -> float:
-        """How long (s) a server that is there may take to tell of a goal, which may get lost and be sent again."""
+        """Wall time (s) a connected server has to list a goal in its status; a goal may get lost and is sent again."""
         return max(self.server_timeout, 3.0 * RESEND_AFTER)
 
 
@@ -83,10 +82,10 @@ class ClientGoal(Protocol):
         """Return its id and stamp."""
 
     def set_accepted(self, text: str = "") -> None:
-        """Go over to ACTIVE."""
+        """Set the state ACTIVE."""
 
     def set_canceled(self, result: Any = None, text: str = "") -> None:
-        """End it PREEMPTED, or RECALLED where it was not accepted."""
+        """End it PREEMPTED, or RECALLED if it was not accepted."""
 
     def set_aborted(self, result: Any = None, text: str = "") -> None:
         """End it ABORTED."""
@@ -95,7 +94,7 @@ class ClientGoal(Protocol):
         """End it SUCCEEDED."""
 
     def publish_feedback(self, feedback: MoveBaseFeedback) -> None:
-        """Tell the client where the robot is."""
+        """Send the robot's pose to the client."""
 
 
 class ServerGoal(Protocol):
@@ -106,54 +105,54 @@ class ServerGoal(Protocol):
 
 
 class ServerClient(Protocol):
-    """The way to the server."""
+    """Client of the server's move_base action."""
 
     @property
     def server_is_up(self) -> bool:
-        """Whether a goal sent now will arrive."""
+        """Whether the server is there, so that a goal can be sent."""
 
     def send(
         self, goal: Any, on_feedback: Callable[[Any], None], on_end: Callable[[ActionEnding], None]
     ) -> ServerGoal:
-        """Send a goal; each callback may come before this has returned."""
+        """Send a goal; the callbacks may be called before this returns."""
 
 
 class Observer:
-    """Told what the relay does besides answering its clients; does nothing by itself."""
+    """Hooks for what the relay does besides answering its clients; here they do nothing."""
 
     def goal_taken(self, pose: Any) -> None:
-        """Note that a goal is pursued from now on; `pose` is its PoseStamped."""
+        """Called when a goal becomes the current one; `pose` is its PoseStamped."""
 
     def goal_ended(self, client_goal: ClientGoal, answer: Answer, result: Optional[Any]) -> None:
-        """Note that a goal has its answer; `result` is the server's result message where there is one."""
+        """Called when a goal has ended; `result` is the server's result message, None where there is none."""
 
     def robot_seen(self, pose: Any) -> None:
-        """Note that the server said where the robot is; `pose` is a PoseStamped."""
+        """Called with the robot's pose (PoseStamped) from the server's feedback."""
 
     def stop_robot(self) -> None:
-        """Have the robot stand: nothing is left that it drives for."""
+        """Called to stop the robot: no goal is left at the server."""
 
 
 class Relay:
-    """Takes goals and cancels from move_base's side, asks the server, and answers.
+    """Takes goals and cancels of move_base's clients, has the server carry them out, and answers the clients.
 
-    Every method may be called from any thread. The one lock is the action server's own, because goal callbacks already
-    hold it and goals take it.
+    All methods may be called from any thread. The only lock is the action server's, which is held during goal callbacks
+    and taken by methods of goals.
     """
 
     def __init__(
         self, server: ServerClient, compose: Callable[[Any], Any], parameters: RelayParameters, observer: Observer,
         lock: Optional[ContextManager[Any]] = None, clock: Callable[[], float] = time.monotonic,
     ) -> None:
-        """Make a relay that pursues nothing.
+        """Make a relay without a goal.
 
         Args:
-            server: A client of the server's move_base action.
-            compose: Makes the server's goal message of a PoseStamped; must not wait for anybody.
+            server: Client of the server's move_base action.
+            compose: Makes the server's goal message from a PoseStamped; must not block.
             parameters: Timeouts.
-            observer: Told what happens.
-            lock: Re-entrant; the action server's where there is one.
-            clock: Gives wall time (s).
+            observer: Its hooks are called, with the lock held.
+            lock: Re-entrant lock: the action server's, if there is one.
+            clock: Returns wall time (s).
         """
         self._server, self._compose = server, compose
         self._parameters, self._observer = parameters, observer
@@ -162,14 +161,14 @@ class Relay:
         self._at_server: List[_SentGoal] = []  # oldest first
         self._zero_due_at = math.inf
         self._newest_stamp = 0.0
-        self._over: Optional[Answer] = None  # to every goal, once this node ends
+        self._over: Optional[Answer] = None  # answer to all goals once this node shuts down
 
     def take_goal(self, client_goal: ClientGoal, now: float) -> None:
-        """Pursue a goal in place of the present one.
+        """Make a goal the current one; the present one ends PREEMPTED.
 
         Args:
             client_goal: The goal.
-            now: ROS time (s), to know a clock that was set back.
+            now: ROS time (s), to detect a clock that was set back.
         """
         with self._lock:
             pose = client_goal.get_goal().target_pose
@@ -190,13 +189,13 @@ class Relay:
             self._advance()
 
     def take_overtaken(self, client_goal: ClientGoal, now: float) -> None:
-        """Let a goal that was called off before it came end what it was sent to replace: its client means to stand.
+        """End the current goal because of a newer one whose cancel arrived first: its client wants the robot to stop.
 
-        Which of the two comes first is chance, and must not decide whether the robot drives on.
+        Goal and cancel arrive by different connections; their order must not decide whether the robot drives on.
 
         Args:
-            client_goal: The goal.
-            now: ROS time (s), to know a clock that was set back.
+            client_goal: The newer goal, already RECALLED.
+            now: ROS time (s), to detect a clock that was set back.
         """
         with self._lock:
             pose = client_goal.get_goal().target_pose
@@ -205,7 +204,7 @@ class Relay:
                 self._advance()
 
     def take_cancel(self, client_goal: ClientGoal) -> None:
-        """Cancel a goal, if it is the one pursued; any other has its answer already."""
+        """Cancel a goal if it is the current one; all others have ended already."""
         with self._lock:
             active = self._current
             if active is None or active.client_goal.get_goal_id().id != client_goal.get_goal_id().id:
@@ -216,7 +215,7 @@ class Relay:
             self._advance()
 
     def check(self) -> None:
-        """Let time pass: give up waiting where it took too long. Call a few times a second."""
+        """Check timeouts; call it a few times a second."""
         with self._lock:
             active, now = self._current, self._clock()
             if now >= self._zero_due_at:
@@ -230,7 +229,7 @@ class Relay:
             self._advance()
 
     def shut_down(self) -> None:
-        """Cancel at the server and abort, because this node ends; so it does with goals that still come."""
+        """Cancel at the server and abort the current goal and all that still come, because this node shuts down."""
         with self._lock:
             self._over = answers.aborted(answers.NODE_KILLED)
             self._end(self._over)
@@ -238,29 +237,29 @@ class Relay:
 
     @property
     def is_pursuing(self) -> bool:
-        """Whether there is a goal without its answer."""
+        """Whether there is a current goal."""
         return self._current is not None
 
     def _is_outdated(self, client_goal: ClientGoal, now: float) -> bool:
-        """Return whether a newer goal came before; one dated ahead of `now` is of before the clock was set back."""
+        """Return whether a newer goal came before; stamps ahead of `now` are from before the clock was set back."""
         return bool(client_goal.get_goal_id().stamp.to_sec() < self._newest_stamp <= now)
 
     def _replace_by(self, client_goal: ClientGoal) -> None:
-        """End the goal pursued, if there is one, because this newer one has come."""
+        """End the current goal, if there is one, because a newer one has come."""
         self._newest_stamp = client_goal.get_goal_id().stamp.to_sec()
         self._end(answers.preempted(answers.REPLACED))
 
     def _lose_patience(self, active: _ActiveGoal, now: float) -> None:
-        """End a goal that has waited too long for a server, or for the server's answer to its cancel."""
+        """End the current goal if it has waited too long for a server, or for the server's result after its cancel."""
         parameters = self._parameters
         if active.sent is None and now - active.waits_since > parameters.server_timeout:
-            if not self._server.server_is_up:  # else it waits for a predecessor's end, and not for long
+            if not self._server.server_is_up:  # otherwise it waits for a predecessor, at most SUCCESSOR_PATIENCE
                 self._end(answers.server_absent(parameters))
         elif active.cancelled_at is not None and now - active.cancelled_at > parameters.cancel_timeout:
             self._end(answers.preempted(reason="the server did not answer the cancel"))
 
     def _advance(self) -> None:
-        """Do what follows from the goal pursued and the goals at the server: cancel them, send it, or neither."""
+        """Cancel the goals at the server, send the current goal, or do nothing; see the module's docstring."""
         active, now = self._current, self._clock()
         if active is None or active.cancelled_at is not None:
             for sent in list(self._at_server):
@@ -272,7 +271,7 @@ class Relay:
 
     def _send(self, active: _ActiveGoal) -> None:
         sent = active.sent = _SentGoal()
-        self._at_server.append(sent)  # before it is sent: its ending may come before `send` has returned
+        self._at_server.append(sent)  # before sending: it may end before `send` returns
         self._zero_due_at = math.inf
         sent.goal = self._server.send(
             self._compose(active.client_goal.get_goal().target_pose),
@@ -299,15 +298,15 @@ class Relay:
                 elif active.was_doubted or cancelled:
                     self._end(answers.not_arrived(doubt, cancelled))
                 else:
-                    # The C++ server credits a new goal with the arrival of the one it replaced. Sent once more, the
-                    # goal replaces none, and what the server claims then is this goal's own.
+                    # The C++ server may report the arrival of a replaced goal as that of the new one. The goal is sent
+                    # once more; as it replaces none then, its next result is its own.
                     active.was_doubted, active.sent, active.waits_since = True, None, self._clock()
             self._advance()
 
     def _leave(self, sent: _SentGoal) -> None:
-        """Note that a goal has ended at the server, or was given up; where it was the last, have the robot stand.
+        """Forget a goal that has ended at the server or was given up; stop the robot if no other is left there.
 
-        One that was given up, and so left before, may still end: until then the robot may have driven for it.
+        A goal that was given up, and forgotten, may still end later; the robot may have driven for it until then.
         """
         if sent in self._at_server:
             self._at_server.remove(sent)
@@ -316,7 +315,7 @@ class Relay:
             self._observer.stop_robot()
 
     def _end(self, answer: Answer, result: Optional[Any] = None) -> None:
-        """Give the goal pursued its one terminal state, if there is one."""
+        """Give the current goal, if there is one, its terminal state."""
         if self._current is not None:
             active, self._current = self._current, None
             self._give(active.client_goal, answer, result)
@@ -327,14 +326,14 @@ class Relay:
 
 
 class _ActiveGoal:
-    """The client's goal that is pursued.
+    """The current goal.
 
     Attributes:
-        client_goal: Where its answer goes.
-        waits_since: When it came, or was to be sent once more (s).
-        sent: The server's goal that was sent for it, None before.
-        cancelled_at: When the client cancelled it (s), None before.
-        was_doubted: Whether the server has claimed an arrival once already that was not believed.
+        client_goal: The client's goal.
+        waits_since: Wall time (s) when it came, or from which it waits to be sent once more.
+        sent: The goal sent to the server for it, None before.
+        cancelled_at: Wall time (s) of the client's cancel, None before.
+        was_doubted: Whether the server has reported an arrival before that was not accepted.
     """
 
     def __init__(self, client_goal: ClientGoal, now: float) -> None:
@@ -345,11 +344,11 @@ class _ActiveGoal:
 
 
 class _SentGoal:
-    """A goal sent to the server, where it has not ended, and what was done to cancel it.
+    """A goal at the server that has not ended, and its cancels.
 
     Attributes:
-        goal: To cancel it by; None until the client of the server has returned from sending it.
-        first_cancel_at: When its cancel was sent for the first time (s), None before.
+        goal: Handle to cancel it; None until `ServerClient.send` has returned.
+        first_cancel_at: Wall time (s) of the first cancel, None before.
     """
 
     def __init__(self) -> None:
@@ -358,7 +357,7 @@ class _SentGoal:
         self._last_cancel_at = -math.inf
 
     def press_cancel(self, now: float) -> None:
-        """Send its cancel, and again where the server has not answered the last one for long."""
+        """Send a cancel, unless the last one is younger than CANCEL_REPEATED_AFTER."""
         if self.goal is None or now - self._last_cancel_at <= CANCEL_REPEATED_AFTER:
             return
         self._last_cancel_at = now
@@ -367,9 +366,9 @@ class _SentGoal:
         self.goal.cancel()
 
     def is_given_up(self, now: float, timeout: float) -> bool:
-        """Return whether its first cancel is more than `timeout` seconds old: no further one is sent then."""
+        """Return whether its first cancel is more than `timeout` seconds old; no more are sent then."""
         return self.first_cancel_at is not None and now - self.first_cancel_at > timeout
 
     def cancel_is_under_way(self, now: float) -> bool:
-        """Return whether its last cancel is so young that the server may still act on it."""
+        """Return whether its last cancel is younger than SUCCESSOR_PATIENCE, so that it may still be on its way."""
         return now - self._last_cancel_at < SUCCESSOR_PATIENCE

@@ -1,4 +1,4 @@
-"""What the relay's node has to know of its server: one of another process, or one in its own."""
+"""Interface of the relay's node to its server, which runs in another process or in the same one."""
 
 from __future__ import annotations
 
@@ -28,14 +28,14 @@ class Settings(Protocol):
 
     @property
     def knows_server(self) -> bool:
-        """Whether it is known what the server calls the plugins that were asked for."""
+        """Whether the server's names of the chosen plugins are known."""
 
     def plugin_names(self) -> Tuple[str, str]:
-        """Return the server's names of the planner and the controller to use, empty for its first; asks nobody."""
+        """Return the server's names of the planner and the controller to use, empty for its first; does not block."""
 
 
 class ServerSide(abc.ABC):
-    """The server, as the relay's node sees it; its methods are called in their order, once each but for the last.
+    """The server. The methods are called in the order given here, once each, but `came` each time the server appears.
 
     Attributes:
         settings: move_base's parameters in force, once it has started.
@@ -48,30 +48,30 @@ class ServerSide(abc.ABC):
         """Return the relay's parameters.
 
         Args:
-            namespace: What stands under the node on the parameter server.
+            namespace: The parameters in the node's private namespace.
 
         Raises:
-            ValueError: One is wrong.
+            ValueError: A value is not allowed.
         """
 
     @abc.abstractmethod
     def start(self) -> None:
-        """Come so far that goals can be composed."""
+        """Prepare all that is needed to compose goals."""
 
     @abc.abstractmethod
     def offer(self, where: Callable[[], PoseStamped]) -> None:
-        """Offer what move_base has beside its goals, as far as the server does not; `where` gives the robot's pose."""
+        """Offer move_base's services and topics, unless the server does; `where` returns the robot's pose."""
 
     @abc.abstractmethod
     def came(self) -> None:
-        """Hear that the server is up, and was not before."""
+        """Called when the server has come up."""
 
 
 class RemoteServer(ServerSide):
-    """A server of another process: it is sent what was set for move_base, and what it offers is passed on."""
+    """A server in another process; move_base's parameters are forwarded to it, its services and topics passed on."""
 
     def relay_parameters(self, namespace: Mapping[str, Any]) -> RelayParameters:
-        """Return them as they were given, with the server's name as it is remapped; see ServerSide."""
+        """Return them with the server's name resolved; see ServerSide."""
         known = MoveBaseParameters.names() + OTHER_MOVE_BASE_NAMES + ros_parameters.groups_in(namespace)
         given = ros_parameters.fill(RelayParameters, namespace, "~", known)
         self._parameters = dataclasses.replace(given, server=rospy.resolve_name(given.server))
@@ -95,5 +95,5 @@ class RemoteServer(ServerSide):
         self.settings.serve()
 
     def came(self) -> None:
-        """Send the server what was wished for; see ServerSide."""
+        """Forward the parameters that were set; see ServerSide."""
         self.settings.server_came()

@@ -19,20 +19,20 @@ from mbf_relay.ros.common.get_plan import append_goal, turned
 from mbf_relay.ros.common.outcome_codes import name_of
 
 PLAN_SLOT = 255
-"""The server's concurrency slot for ~make_plan: not the one its move_base plans in, so that both go on."""
+"""The server's concurrency slot for ~make_plan, so that it replaces no plan of other clients, which use slot 0."""
 CONNECTING = 1.0
-"""Wall time (s) for which a server that is not connected is waited for: one that has just been started soon is."""
+"""Wall time (s) to wait for a server that is not connected yet, as right after its start."""
 PLAN_PATIENCE = 60.0
-"""Wall time (s) a plan may take."""
+"""Longest wall time (s) for a plan."""
 LOOK_EVERY = 0.1
-"""Wall time (s) between two looks at the server while it plans."""
+"""Wall time (s) between two checks of the server while it plans."""
 
 
 class MakePlan:
-    """~make_plan by the server's, where it has one, else by its get_path; also while driving, which move_base refuses.
+    """~make_plan by the server's service of that name if it has one, else by its get_path.
 
-    get_path tries again until its patience ends, which is seconds for a goal in an obstacle; a service of one try is
-    done as soon as that is known.
+    Unlike move_base's it also works while the robot drives. The service is preferred, since it tries once: get_path
+    retries until its patience ends, for a goal in an obstacle too.
     """
 
     def __init__(self, parameters: Any, settings: Any) -> None:
@@ -43,7 +43,7 @@ class MakePlan:
             settings: MoveBaseSettings: `plugin_names()`, `values.make_plan_add_unreachable_goal`.
         """
         self._settings, self._server = settings, parameters.server
-        # comes first, because it can tell a server that hangs from one that is slow
+        # also used with the service: it can tell a server that hangs from one that is slow
         silence = parameters.silence_timeout
         self._client = ActionClient(
             f"{parameters.server}/get_path", GetPathAction, 2.0 * parameters.service_timeout, silence
@@ -77,7 +77,7 @@ class MakePlan:
         return response
 
     def _serves_plans(self) -> bool:
-        """Return whether the server has a service of the planner asked for; C++'s has none."""
+        """Return whether the server has a make_plan service of the chosen planner; the C++ server has none."""
         name = self._settings.plugin_names()[0]
         wanted = rospy.resolve_name(f"{self._server}/{name}/make_plan" if name else f"{self._server}/make_plan")
         if self._plan_once.resolved_name != wanted:
@@ -104,10 +104,10 @@ class MakePlan:
 
 
 def path_goal(request: GetPlanRequest, planner: str) -> GetPathGoal:
-    """Return the server's goal for a request.
+    """Return the server's get_path goal for a request.
 
-    An empty start frame means the robot's pose. Planners of move_base ignore orientations, so that callers leave them
-    zero; the server refuses those, and gets the identity instead.
+    An empty start frame means the robot's pose. Quaternions of zeros, which move_base's planners ignore and the server
+    refuses, are replaced by the identity.
     """
     goal = GetPathGoal(
         use_start_pose=bool(request.start.header.frame_id), start_pose=turned(request.start),
@@ -119,7 +119,7 @@ def path_goal(request: GetPlanRequest, planner: str) -> GetPathGoal:
 
 
 class ClearCostmaps:
-    """~clear_costmaps by the server's, which is waited for no longer than `patience` wall seconds."""
+    """~clear_costmaps by the server's service, with a timeout of `patience` wall seconds."""
 
     def __init__(self, server: str, patience: float) -> None:
         self._node, self._patience = rospy.resolve_name(server), patience
@@ -129,7 +129,7 @@ class ClearCostmaps:
         self._service = rospy.Service("~clear_costmaps", Empty, self._answer)
 
     def _answer(self, _request: EmptyRequest) -> EmptyResponse:
-        """Have the server clear; what it was asked before and still is to do need not be asked again."""
+        """Call the server's service, or wait for a call that has not returned since an earlier timeout."""
         with self._lock:
             call = self._hanging if self._hanging is not None and self._hanging.is_alive() else ServiceCall(self._clear)
         call.join(self._patience)
@@ -143,7 +143,7 @@ class ClearCostmaps:
 
 
 class PauseByServer:
-    """~pause and ~resume by the server's, where it has such; C++'s has none, and then they fail with a text."""
+    """~pause and ~resume by the server's services; the C++ server has none, and then they fail with a text."""
 
     def __init__(self, server: str, patience: float) -> None:
         self._node, self._patience = rospy.resolve_name(server), patience
@@ -161,11 +161,11 @@ class PauseByServer:
 
 
 class ServiceCall(threading.Thread):
-    """A service called on a thread of its own, since rospy's calls wait for ever; `join` it for as long as you like.
+    """A service call in a thread of its own, since rospy's calls have no timeout; `join` has one.
 
     Attributes:
-        response: What came back.
-        error: What was raised instead.
+        response: The response, None before.
+        error: The exception, None where there was none.
     """
 
     def __init__(self, service: rospy.ServiceProxy, *arguments: Any) -> None:
@@ -179,12 +179,12 @@ class ServiceCall(threading.Thread):
         """Call it."""
         try:
             self.response = self._call(*self._arguments)
-        except Exception as error:  # for whoever joins to tell of
+        except Exception as error:  # reported by whoever joins
             self.error = error
 
 
 def no_answer(service: str, node: str, patience: float) -> str:
-    """Return what to say of a service that has not answered: the service, and what its node is at."""
+    """Return the error for a service that did not answer in time, with the state of its node."""
     states = {MUTE: "hangs: it answers nobody", GONE: "does not exist any more"}
     state = states.get(ask_node(node), "is there, but busy")
     return f"service {service} did not answer within {patience:g} s; its node {node} {state}"

@@ -1,4 +1,4 @@
-"""The topics that RViz files and dashboards for move_base listen to, fetched from the server while somebody listens."""
+"""move_base's topics, as used by RViz files and dashboards; passed on from the server while they have subscribers."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ PLANNER, CONTROLLER = "planners", "controllers"
 
 
 class Passed(NamedTuple):
-    """One topic of move_base's.
+    """One topic of move_base.
 
     Attributes:
-        name: Below the node move_base.
-        message: Its type.
-        plugin: Kind of the plugin whose topic it is at the server, where the server's name for it takes the place of
-            the first part of `name`; empty for the server's own topics.
+        name: Its name in move_base's private namespace.
+        message: Its message class.
+        plugin: PLANNER or CONTROLLER for a plugin's topic; the first part of `name` is then replaced by the plugin's
+            name at the server. Empty for the server's own topics.
     """
 
     name: str
@@ -56,19 +56,19 @@ PASSED = (
 
 
 class LazyTopic(rospy.SubscribeListener):
-    """A topic passed on, as bytes, while somebody listens.
+    """A topic that is passed on, without deserializing it, while it has subscribers.
 
-    Each new listener makes a new subscription, because that is what a server sends a whole costmap for. `_lock` stands
-    between the threads in which listeners come and go.
+    It subscribes anew for each new subscriber, since servers send the whole costmap to new subscribers only. `_lock`
+    guards the subscription against rospy's threads.
     """
 
     def __init__(self, name: str, message: Any, source: Callable[[], str]) -> None:
         """Advertise.
 
         Args:
-            name: The topic to offer.
-            message: Its type.
-            source: Gives the topic to fetch from, asked each time the first listener comes.
+            name: Name of the topic to publish.
+            message: Its message class.
+            source: Returns the name of the topic to subscribe to; called for each new subscriber.
         """
         self._unread, self._source = unread(message), source
         self._lock = threading.Lock()
@@ -76,7 +76,7 @@ class LazyTopic(rospy.SubscribeListener):
         self._publisher = rospy.Publisher(name, self._unread, subscriber_listener=self, queue_size=5, tcp_nodelay=True)
 
     def peer_subscribe(self, _name: str, _publish: Any, _peer_publish: Any) -> None:
-        """Fetch, from now on or anew."""
+        """Subscribe to the source, or subscribe anew."""
         with self._lock:
             self._leave()
             self._subscriber = rospy.Subscriber(
@@ -85,7 +85,7 @@ class LazyTopic(rospy.SubscribeListener):
             )
 
     def peer_unsubscribe(self, _name: str, listeners: int) -> None:
-        """Stop fetching, if that was the last listener."""
+        """Unsubscribe from the source if that was the last subscriber."""
         with self._lock:
             if listeners == 0:
                 self._leave()
@@ -101,7 +101,7 @@ def pass_through(server: str, plugin_name: Callable[[str, str], str]) -> List[La
 
     Args:
         server: Name of the server's node.
-        plugin_name: Gives the server's name for the plugin of a kind that move_base calls so.
+        plugin_name: Returns the server's name of a plugin, given its kind and move_base's name.
     """
 
     def source(passed: Passed) -> Callable[[], str]:
@@ -112,10 +112,10 @@ def pass_through(server: str, plugin_name: Callable[[str, str], str]) -> List[La
 
 
 class RecoveryTopic(rospy.SubscribeListener):
-    """move_base/recovery_status, only while somebody listens.
+    """move_base/recovery_status, fed while it has subscribers.
 
-    This package's server tells of its recoveries; the C++ server sends goals to its own recovery action, which tell
-    less.
+    This package's server publishes recovery_status itself. The C++ server sends goals to its own recovery action, from
+    which the behaviour's name and index are taken.
     """
 
     def __init__(self, server: str, where: Callable[[], PoseStamped]) -> None:
@@ -123,7 +123,7 @@ class RecoveryTopic(rospy.SubscribeListener):
 
         Args:
             server: Name of the server's node.
-            where: Gives the robot's pose, as the server last told it.
+            where: Returns the robot's pose from the server's last feedback.
         """
         self._server, self._where = server, where
         self._lock = threading.Lock()
@@ -132,7 +132,7 @@ class RecoveryTopic(rospy.SubscribeListener):
             "move_base/recovery_status", RecoveryStatus, subscriber_listener=self, queue_size=10)
 
     def peer_subscribe(self, _name: str, _publish: Any, _peer_publish: Any) -> None:
-        """Listen to the server's recoveries."""
+        """Subscribe to the server's recoveries."""
         with self._lock:
             if not self._subscribers:
                 self._subscribers = [
@@ -141,7 +141,7 @@ class RecoveryTopic(rospy.SubscribeListener):
                 ]
 
     def peer_unsubscribe(self, _name: str, listeners: int) -> None:
-        """Stop listening, if nobody does here."""
+        """Unsubscribe if that was the last subscriber."""
         with self._lock:
             if listeners == 0:
                 for subscriber in self._subscribers:
