@@ -1,4 +1,4 @@
-"""What feeds a costmap: scans and point clouds, each turned into the costmap's frame once its transform is there."""
+"""A costmap's inputs: sensor messages, transformed to the costmap's frame once their transforms are there, and maps."""
 
 from __future__ import annotations
 
@@ -35,20 +35,28 @@ from mbf_relay.scan_monitor import ScanMonitor
 from mbf_relay.senders import HOW_TO_GO_ON, Senders
 
 BUFFER_BYTES = 1 << 24
+"""Size of subscribers' receive buffers, enough for a large cloud or map."""
 MOST_WAITING, MOST_OF_ONE = 50, 5
-"""Messages that wait: in all, and for the next update, of one sensor where only its newest counts."""
+"""Largest number of waiting messages per source, and per sensor frame while they do not wait for tf, unless
+observation_persistence needs them all."""
 WARN_PERIOD = 5.0
 """Seconds between two warnings about the same source."""
 
 MESSAGE_TYPES = {"LaserScan": LaserScanMessage, "PointCloud": PointCloud, "PointCloud2": QuickCloud, "Range": Range}
+"""Message class by data_type."""
 CLOUDS = ("PointCloud", "PointCloud2")
+"""The data_types of clouds."""
 
 
 @dataclass(eq=False)
 class Waiting:
-    """A message that waits, since when (s), and whether for tf; one that does is displaced by none newer.
+    """A waiting message.
 
-    Where a transform comes late, none of a fast lidar's would ever get old enough to be used, or complained of.
+    Attributes:
+        arrived: Time (s) of its arrival.
+        message: The message.
+        for_tf: Whether its transform was missing at the last update. Newer messages do not displace it then: with late
+            transforms, no message of a fast lidar would otherwise wait long enough to be used or reported.
     """
 
     arrived: float
@@ -57,7 +65,7 @@ class Waiting:
 
 
 class SensorInput:
-    """One observation source: its callback keeps messages, the costmap's thread takes what can be transformed.
+    """One observation source: the callback stores messages, `feed` takes those that can be transformed.
 
     Args:
         name: The source's name.
@@ -65,8 +73,8 @@ class SensorInput:
         costmap: What it feeds.
         transforms: Where frames are looked up.
         patience: Time (s) a message waits for its transform before it is given up.
-        max_age: Age (s) at which what was measured says nothing any more; 0 for never.
-        timings: Sets scans right by when their beams were taken.
+        max_age: Age (s) above which a message is refused; 0 for no limit.
+        timings: Corrects scans for the times of their beams.
     """
 
     def __init__(
@@ -83,8 +91,8 @@ class SensorInput:
         self._trouble: Optional[str] = None
         self._warnings = ThrottledWarnings()
         self._senders = Senders()
-        self._monitors: Dict[str, ScanMonitor] = {}  # by frame, as is what follows
-        self._blind: Dict[str, str] = {}  # why a lidar cannot be relied on
+        self._monitors: Dict[str, ScanMonitor] = {}  # by frame, like the next one
+        self._blind: Dict[str, str] = {}  # why a lidar's scans cannot be relied on
         self._used_since = math.inf
         self._used_last: Optional[float] = None
         self._topic = rospy.resolve_name(parameters.topic)
@@ -94,11 +102,11 @@ class SensorInput:
 
     @property
     def trouble(self) -> Optional[str]:
-        """What kept the last message from being used, None where nothing did."""
+        """Why the last message was not used, None if it was."""
         return self._trouble
 
     def age(self, now: float) -> Optional[float]:
-        """Return the time (s) since the last message that was used came, None before the first."""
+        """Return the age (s) of the last message that was used, None before the first."""
         return None if self._used_last is None else max(0.0, now - self._used_last)
 
     def close(self) -> None:
@@ -112,9 +120,9 @@ class SensorInput:
             self._complain(f"refused: {error}")
             return
         with self._lock:
-            now = rospy.get_time()  # in here, or of two lidars' threads the later one found time set back
+            now = rospy.get_time()  # under the lock: with two lidars' threads, time would seem to be set back
             if self._waiting and now < self._waiting[-1].arrived:
-                self._waiting.clear()  # time was set back: what waits belongs to a world that is over
+                self._waiting.clear()  # time was set back: waiting messages are from before
             frame = message.header.frame_id
             same = [entry for entry in self._waiting if entry.message.header.frame_id == frame and not entry.for_tf]
             if len(same) >= self._most:  # a fast lidar must not displace a slow one on its topic
@@ -122,9 +130,10 @@ class SensorInput:
             self._waiting.append(Waiting(now, message))
 
     def feed(self, now: float) -> None:
-        """Hand the costmap every message whose transform is there; drop those that waited too long.
+        """Give the costmap all messages whose transforms are there; drop those that waited too long.
 
-        Of clouds, where only a sensor's newest counts, each is megabytes of which the costmap would forget all.
+        Without observation_persistence only the newest cloud of each sensor is used, to avoid transforming megabytes
+        that the costmap would forget at once.
         """
         with self._lock:
             waiting = list(self._waiting)
@@ -153,7 +162,7 @@ class SensorInput:
                 if now - arrived <= self._patience:
                     entry.for_tf = True
                     continue
-                if arrived >= self._used_since or self._used_since == math.inf:  # what is older came before tf did
+                if arrived >= self._used_since or self._used_since == math.inf:  # older ones came before tf
                     self._complain(f"dropped after {now - arrived:.2f} s: {error}")
             except BlindSensor:
                 self._refuse_blind()
@@ -202,12 +211,17 @@ class SensorInput:
         return replace(seen, origin=tuple(float(value) for value in origin))
 
     def _set_right(self, scan: LaserScan, mount: Transform) -> LaserScan:
-        """Return a scan as if all its beams had been taken at once; `mount` takes its points to the base."""
+        """Return a scan with all beams corrected to one time; `mount` is the transform from the lidar to the base."""
         _, upside_down = mounting_of(mount)
         return seen_from_above(self._timings.corrected(seen_from_above(scan, upside_down)), upside_down)
 
     def _require_sight(self, scan: LaserScan, sensor: TransformStamped, mount: Transform, rides: bool) -> None:
-        """Raise BlindSensor where a scan shows nothing; `sensor` takes its points to the costmap, `mount` to the base.
+        """Raise BlindSensor where a scan shows that its lidar does not see.
+
+        Args:
+            scan: The scan as it came.
+            sensor, mount: Transforms from its frame to the costmap's, and to the base's.
+            rides: Whether the lidar moves with the robot.
         """
         frame = scan.frame.lstrip("/")
         pose, upside_down = mounting_of(sensor.transform)
@@ -225,7 +239,7 @@ class SensorInput:
             raise BlindSensor(trouble)
 
     def _refuse_blind(self) -> None:
-        """Say that the source cannot be relied on where one of the lidars that share its topic shows nothing."""
+        """Report the source as unreliable where one of the lidars on its topic does not see."""
         present = self._senders.present
         for frame in present:
             if frame in self._blind:
@@ -235,17 +249,17 @@ class SensorInput:
 
 
 class BlindSensor(InvalidMessage):
-    """A scan in order by its numbers, of a lidar that sees nothing."""
+    """A valid scan of a lidar that does not see, such as one that is covered."""
 
 
 def points_from(
     message: Any, scan: Optional[LaserScan], inf_is_valid: bool
 ) -> Tuple[np.ndarray, Optional[np.ndarray]]:
-    """Return what a message holds in its own frame: points, (N, 2) or (N, 3) in metres, and which are hits.
+    """Return a message's points in its own frame, (N, 2) or (N, 3) in m, and which are hits, (N,); None for all.
 
     Args:
-        message: The cloud or reading.
-        scan: The scan, as read from the message; None for anything else.
+        message: A PointCloud, PointCloud2, Range or LaserScan.
+        scan: The converted LaserScan; None for the other types.
         inf_is_valid: See `scan_points`.
 
     Raises:
@@ -262,13 +276,16 @@ def points_from(
 
 
 class MapInput:
-    """The map and its changes for one layer of a costmap.
+    """Subscribers of a map and its updates for one layer of a costmap.
 
     Args:
         layer: The layer's name.
-        source: Where its map comes from.
-        costmap: What it feeds.
+        source: Topic of its map, and whether there are updates.
+        costmap: The costmap of the layer.
         on_map: Called after each map, from rospy's thread.
+
+    Attributes:
+        frame: Frame of the map, None before the first.
     """
 
     def __init__(self, layer: str, source: MapSource, costmap: Costmap, on_map: Callable[[], None]) -> None:
@@ -301,9 +318,9 @@ class MapInput:
         self._on_map()
 
     def _frame_of(self, message: Any) -> str:
-        """Return where a map lies, and warn where that is a surprise; a costmap that rolls may well be in another.
+        """Return the frame of a map; warn where it differs from the costmap's, unless that is a rolling window.
 
-        One that takes its size of the map takes it to lie in its own frame, as costmap_2d's do.
+        As in costmap_2d, a costmap that takes its size from the map takes it to be in the costmap's own frame.
         """
         said, frame = message.header.frame_id.lstrip("/"), self._costmap.frame
         lies = frame if self._costmap.is_sized_by(self.layer) or not said else said

@@ -34,7 +34,7 @@ class CostmapNode:
         name: "global_costmap" or "local_costmap": the group of its parameters and the namespace of its topics.
         config: The node's parameters.
         transforms: Where frames are looked up.
-        timings: Another costmap's, of the same lidars; its own where None.
+        timings: Those of another costmap with the same lidars, to share them; None for its own.
 
     Raises:
         ValueError: A parameter is wrong; the text names it, its value and what is allowed.
@@ -75,7 +75,7 @@ class CostmapNode:
         self._reconfigure: List[Any] = []
 
     def start(self) -> None:
-        """Listen, update and publish from now on."""
+        """Subscribe, and start the thread that updates and publishes."""
         for layer in self.costmap.layers:
             if layer.map_source is not None:
                 self._maps.append(MapInput(layer.name, layer.map_source, self.costmap, self._stepper.wake))
@@ -91,7 +91,7 @@ class CostmapNode:
         self._stepper.start()
 
     def close(self) -> None:
-        """End updating and listen no longer."""
+        """End the thread and unsubscribe."""
         self._stepper.stop()
         for map_input in self._maps:
             map_input.close()
@@ -99,7 +99,7 @@ class CostmapNode:
             sensor.close()
 
     def missing_input(self) -> str:
-        """Return what was missing for a first picture since the start, empty where there was one."""
+        """Return what is still missing for the first complete update, empty where there was one."""
         missing = [layer.missing_input() for layer in self.costmap.layers]
         if self.costmap.updates == 0:
             missing.append(self.costmap.stale_reason(rospy.get_time()))
@@ -107,23 +107,23 @@ class CostmapNode:
 
     @property
     def hangs_in(self) -> str:
-        """Where the update is that takes too long, empty while none does; see Stepper."""
+        """Where an update that takes too long is at present, empty while none does; see Stepper."""
         return self._stepper.hangs_in
 
     def rest(self) -> None:
-        """Update no more until `resume`; what rests is stale."""
+        """Stop updates until `resume`; the costmap becomes stale."""
         self._resting = True
 
     def resume(self) -> None:
         """Update again, at once."""
         self._resting = False
-        self._updates = RateMeter()  # it rested, which is no lag
+        self._updates = RateMeter()  # the pause is no lag
         self._stepper.wake()
 
     def report(self) -> Report:
         """Return the costmap's part of the node's diagnostics."""
         now, place = rospy.get_time(), self.hangs_in
-        if place:  # and holds what all else here waits for
+        if place:  # the update may hold the locks needed below
             return ERROR, f"hangs in {place}", {}
         snapshot = self.costmap.snapshot()
         asked = self.costmap.parameters.update_frequency
@@ -164,14 +164,14 @@ class CostmapNode:
             rospy.logerr_throttle(WARN_PERIOD, f"{self._name}: footprint refused: {one_line(error)}")
 
     def _step(self, now: float) -> float:
-        """Update once; returns when to come back."""
+        """Update once; return the time (s) of the next update."""
         if self._last is not None and now < self._last:
             self._next_publication = 0.0  # time was set back
         self._last = now
         try:
             if not self._resting:
                 self._update(now)
-        except Exception as error:  # the thread must outlive a mistake; staleness then stops the robot
+        except Exception as error:  # the thread must go on; a stale costmap stops the robot
             rospy.logerr_throttle(WARN_PERIOD, f"{self._name}: update failed: {type(error).__name__}: {error}")
         return next_update(now, self.costmap.parameters.update_frequency, self.costmap.updates)
 
@@ -188,7 +188,7 @@ class CostmapNode:
             if layer.map_frame:
                 self._place_map(layer.name, layer.map_frame)
         self.costmap.update(now, pose)
-        stale = self.costmap.stale_reason(now)  # a sensor that has died sends nothing that could be complained of
+        stale = self.costmap.stale_reason(now)  # checked here, since a dead sensor sends no message to be refused
         if stale is None:
             self._stale_warnings.worked()
         else:
@@ -210,13 +210,13 @@ class CostmapNode:
             self._pose_warnings.worked()
             return pose
         except TransformError as error:
-            self._updates = RateMeter()  # it waits, which is no lag
+            self._updates = RateMeter()  # waiting is no lag
             costmap.note_failure(str(error))
             self._pose_warnings.say(f"{self._name} waits for the robot's pose: {error}")
             return None
 
     def _place_map(self, layer: str, frame: str) -> None:
-        """Tell a layer where its map lies, where that may change."""
+        """Give a layer the present transform from the costmap's frame to its map's, if they differ."""
         if frame != self.costmap.frame:
             try:
                 self.costmap.set_map_from_costmap(self._transforms.lookup(frame, self.costmap.frame), layer)
@@ -227,7 +227,8 @@ class CostmapNode:
 def make_costmap_nodes(config: Mapping[str, Any], transforms: Transforms) -> Dict[str, CostmapNode]:
     """Return a node's costmaps, "global" and "local".
 
-    They learn of lidars together, by how the robot moves in the local one's frame: there it does not jump.
+    They share the lidars' timings, learnt from the robot's motion in the local costmap's frame, in which it does not
+    jump.
 
     Raises:
         ValueError: As for CostmapNode.

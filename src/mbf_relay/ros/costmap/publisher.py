@@ -1,4 +1,4 @@
-"""A costmap on topics: the whole of it to whoever comes, then what changed, and the robot's footprint."""
+"""Topics of a costmap: the whole of it for new subscribers, then its changes, and the robot's footprint."""
 
 from __future__ import annotations
 
@@ -28,10 +28,11 @@ def occupancy_table() -> np.ndarray:
 
 
 OCCUPANCY = occupancy_table()
+"""Occupancy by cost; see `occupancy_table`."""
 
 
 class CostmapPublisher:
-    """Publishes one costmap under `~NAME/`, as costmap_2d does; nothing is converted while nobody listens."""
+    """Publishes one costmap under `~NAME/`, as costmap_2d does; without subscribers nothing is converted."""
 
     def __init__(
         self, name: str, footprint_topic: str, always_full: bool, latest: Callable[[], Optional[CostGrid]]
@@ -39,16 +40,16 @@ class CostmapPublisher:
         """Advertise.
 
         Args:
-            name: The costmap's.
-            footprint_topic: Below it.
-            always_full: Send the whole costmap each time.
-            latest: Gives the costmap as it is, None before its first update: for whoever comes, from rospy's threads,
-                be it published at a rate or not.
+            name: The costmap's name.
+            footprint_topic: Name of the footprint's topic, relative to the costmap's.
+            always_full: Whether to send the whole costmap each time.
+            latest: Returns the present costmap, None before its first update; called from rospy's threads for new
+                subscribers, also where publish_frequency is 0.
         """
         self._always_full, self._latest = always_full, latest
         self._sent: Optional[CostGrid] = None
         self._lock = threading.Lock()  # guards what follows; nothing else is locked while it is held
-        self._greeted_with = sys.maxsize  # the oldest revision that somebody got alone since the last publication
+        self._greeted_with = sys.maxsize  # oldest revision sent to a new subscriber since the last publication
         self._updates = rospy.Publisher(f"~{name}/costmap_updates", OccupancyGridUpdate, queue_size=10)
         self._costmap = rospy.Publisher(
             f"~{name}/costmap", OccupancyGrid, subscriber_listener=_Greeter(self._greet), queue_size=1)
@@ -64,13 +65,13 @@ class CostmapPublisher:
         if latest is None:
             return
         publish(grid_message(latest))
-        with self._lock:  # a large map takes long to send, and an update that came before it was lost on who got it
+        with self._lock:  # updates published while the new subscriber waited for the whole grid were lost on it
             self._greeted_with = min(self._greeted_with, latest.revision)
 
     def publish(self, snapshot: CostGrid) -> None:
-        """Send what changed since the last call, or everything where that is not a part of the same grid.
+        """Send what changed since the last call, or everything where the grid itself has changed.
 
-        And what changed since whoever came meanwhile was sent all of it.
+        The changes begin at the revision that new subscribers got meanwhile, if that is older.
         """
         if self._costmap.get_num_connections() + self._updates.get_num_connections() == 0:
             self._sent = None

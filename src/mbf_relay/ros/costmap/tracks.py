@@ -30,7 +30,7 @@ class TracksPublisher:
         self._markers = rospy.Publisher(f"~{name}/track_markers", MarkerArray, queue_size=1)
 
     def publish(self, tracks: Sequence[Track], frame: str) -> None:
-        """Send what moves, to whoever listens."""
+        """Publish tracks, in `frame`, while there are subscribers."""
         if self._tracks.get_num_connections():
             for track in tracks:
                 self._tracks.publish(odometry_of(track, frame))
@@ -39,7 +39,7 @@ class TracksPublisher:
 
 
 def odometry_of(track: Track, frame: str) -> Odometry:
-    """Return a track as a message: where it is, how fast, and how sure both are."""
+    """Return a track as a message: position, velocity and their variances."""
     message = Odometry(header=header(frame, track.stamp), child_frame_id=f"track_{track.number}")
     message.pose.pose.position.x, message.pose.pose.position.y = track.x, track.y
     message.pose.pose.orientation.w = 1.0
@@ -52,7 +52,7 @@ def odometry_of(track: Track, frame: str) -> Odometry:
 
 
 def markers_of(track: Track, frame: str) -> Sequence[Marker]:
-    """Return a cylinder where a track is, and an arrow to where it will be."""
+    """Return a cylinder at a track's position, and an arrow to its position AHEAD seconds later."""
     disc = Marker(header=header(frame, track.stamp), ns="tracks", id=track.number, type=Marker.CYLINDER, color=ORANGE)
     disc.pose.position.x, disc.pose.position.y, disc.pose.position.z = track.x, track.y, HEIGHT / 2.0
     disc.pose.orientation.w = 1.0
