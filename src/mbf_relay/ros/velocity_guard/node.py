@@ -31,23 +31,23 @@ from mbf_relay.ros.common.transforms import Transforms
 from mbf_relay.senders import AT_ONCE
 
 LOOK_PERIOD = 0.1
-"""Wall seconds after which a velocity is judged again, though neither another one nor a scan has come."""
+"""Wall seconds after which the last velocity is checked again without a new velocity or scan."""
 MOST_SCANS = 10
-"""Scans that may wait to be looked at, of all lidars on the topic: of each the newest counts."""
+"""Largest number of waiting scans, of all lidars on the topic; of each lidar only the newest is used."""
 MOTION_AGE = 0.5
-"""Seconds after which odometry no longer tells how late the wheels do what they are told."""
+"""Largest age (s) of odometry."""
 WARN_PERIOD = 10.0
-"""Seconds between two warnings of a lidar that tf cannot place, or of a robot that does not listen."""
+"""Seconds between two warnings of a lidar without a transform, or of a `cmd_vel` without subscribers."""
 IDLE_PERIOD = 0.5
-"""Wall seconds between two looks while the robot stands."""
+"""Wall seconds between two checks while the robot stands."""
 ALONE_FOR = 20.0
-"""Wall seconds without anybody who could ask for a velocity, after which that is said in the log, once."""
+"""Wall seconds without a publisher of `cmd_vel_raw` after which that is logged, once."""
 
 
 class VelocityGuardNode:
-    """The guard's topics; mbf_relay.control.velocity_guard judges.
+    """Topics of the guard; the decisions are made by mbf_relay.control.velocity_guard.
 
-    One thread, the main one, does everything. Callbacks leave the newest velocity and scans and wake it.
+    The main thread does everything; callbacks only store the newest velocity and scans, and wake it.
     """
 
     def __init__(self, settings: VelocityGuardParameters) -> None:
@@ -55,15 +55,15 @@ class VelocityGuardNode:
         self._guard = VelocityGuard(settings)
         self._steering = Steering(settings.wheelbase) if settings.wheelbase else None
         self._transforms = Transforms()
-        self._trouble = ""  # why scans are of no use
-        self._unplaced: Dict[str, float] = {}  # frames of lidars that tf cannot place, and when they were heard last
-        self._moving: Dict[str, float] = {}  # likewise of those that /tf places
+        self._trouble = ""  # why the last scan could not be used
+        self._unplaced: Dict[str, float] = {}  # time (s) of the last scan by frame, of lidars without a transform
+        self._moving: Dict[str, float] = {}  # likewise, of lidars whose transform is not static
         self._clock = ClockWatch()
         self._woken = threading.Event()
-        self._commanded: Deque[Twist] = deque(maxlen=1)  # the newest, until it is judged
+        self._commanded: Deque[Twist] = deque(maxlen=1)  # the newest, until it is checked
         self._scans: Deque[LaserScan] = deque(maxlen=MOST_SCANS)
         self._outlines: Deque[np.ndarray] = deque(maxlen=1)  # the newest, as of a robot that took up a load
-        self._sending = threading.Lock()  # held while a velocity goes out, so that none follows the last zero
+        self._sending = threading.Lock()  # held while a velocity is sent, so that none follows the last zero
         self._closed = False
         self._verdict = Verdict(STOP, STANDING, "standing: no velocity is asked for")
         self._counts: Dict[str, int] = {}
@@ -89,7 +89,7 @@ class VelocityGuardNode:
             self._step(rospy.get_time())
 
     def close(self) -> None:
-        """Leave the robot standing."""
+        """Send a zero velocity, and nothing afterwards."""
         with self._sending:
             self._closed = True
             self._velocity.publish(twist_to_message(STOP))
@@ -110,7 +110,7 @@ class VelocityGuardNode:
             rospy.logerr_throttle(WARN_PERIOD, f"footprint refused: {one_line(error)}")
 
     def _step(self, now: float) -> None:
-        """Judge what came; publish each velocity that was asked for, and what becomes of the last one."""
+        """Process scans and the newest velocity; publish the verdict if there is a new velocity or it has changed."""
         self._clock.note(now)
         self._guard.time_stands = self._clock.stands
         scans: Dict[str, LaserScan] = {}
@@ -139,7 +139,7 @@ class VelocityGuardNode:
             self._tell(now)
 
     def _motion(self, now: float) -> Optional[Twist2D]:
-        """Return how the robot moves, None where odometry does not tell: the guard drives without it, too."""
+        """Return odometry's velocity, None where it is missing or too old; the guard works without it, too."""
         try:
             return self._odometry.read(now, MOTION_AGE)[2]
         except StaleDataError:
@@ -168,7 +168,7 @@ class VelocityGuardNode:
             rospy.logwarn_throttle(WARN_PERIOD, f"passing velocities {without}")
 
     def _check_base(self, frame: str, now: float) -> None:
-        """Raise InvalidMessage where the robot moves in `base_frame`: odometry's frame lies between it and a lidar."""
+        """Raise InvalidMessage where base_frame is no frame of the robot: odometry's lies between it and a lidar's."""
         try:
             odometry = self._odometry.read(now, MOTION_AGE)[0]
         except StaleDataError:
@@ -180,14 +180,14 @@ class VelocityGuardNode:
                 "robot's own, such as base_link")
 
     def _follow(self, now: float) -> None:
-        """Listen to /tf while a lidar is placed by it, or by nothing yet; /tf_static is listened to all the time."""
+        """Subscribe to /tf only while a lidar's transform is not static or unknown; /tf_static always is subscribed."""
         if still_heard(self._unplaced, now) or still_heard(self._moving, now):
             self._transforms.listen()
         else:
             self._transforms.rest()
 
     def _without(self, now: float) -> str:
-        """Return which lidars are not looked at though they send, and why; empty for none."""
+        """Return a text about lidars whose scans cannot be used for want of a transform; empty for none."""
         frames = still_heard(self._unplaced, now)
         if not frames:
             return ""
@@ -195,20 +195,20 @@ class VelocityGuardNode:
         return f"without the lidar in {' and '.join(frames)}: tf does not tell where it sits in {base}"
 
     def _unheard(self) -> str:
-        """Say where nobody takes the velocities that pass, empty where somebody does or none passes."""
+        """Return a text if velocities pass but `cmd_vel` has no subscriber; empty otherwise."""
         if self._verdict.velocity == STOP or self._velocity.get_num_connections():
             return ""
         return f"to nobody: no reachable node subscribes to {self._velocity.resolved_name}"
 
     def _unasked(self) -> str:
-        """Say where nobody can ask for a velocity, empty where somebody can."""
+        """Return a text if `cmd_vel_raw` has no publisher; empty otherwise."""
         if self._commands.get_num_connections():
             return ""
         return (f"nobody publishes on {self._commands.resolved_name}: who drives the robot does so past this guard, or "
                 "not at all")
 
     def _lacking(self, now: float) -> str:
-        """Say what is missing round a guard that judges as it should, empty for nothing."""
+        """Return what is missing around the guard: subscriber, publisher or transforms; empty for nothing."""
         return self._unheard() or self._unasked() or self._without(now)
 
     def _send(self, velocity: Twist2D) -> None:
@@ -218,7 +218,7 @@ class VelocityGuardNode:
                 self._velocity.publish(twist_to_message(told))
 
     def _tell(self, now: float) -> None:
-        """Say what the guard does from now on and why; each reason once, when it begins."""
+        """Publish and log what the guard does and why, when that changes."""
         text = self._text(now)
         self._state.publish(text)
         if self._verdict.cause not in (PASSING, STANDING):
@@ -243,7 +243,7 @@ class VelocityGuardNode:
 
 
 def still_heard(heard_at: Dict[str, float], now: float) -> List[str]:
-    """Return the frames of the lidars that still send."""
+    """Return the frames, of those with the time (s) of their last scan, that have sent within AT_ONCE."""
     return [frame for frame, time in heard_at.items() if abs(now - time) <= AT_ONCE]
 
 
