@@ -25,15 +25,15 @@ from mbf_relay.ros.common.actions.server_watch import check_alone
 from mbf_relay.ros.common.node import on_shutdown
 
 LOOK_PERIOD = 0.05
-"""Wall time (s) between two looks at what move_base does."""
+"""Wall time (s) between two checks of move_base's goal."""
 NOT_OURS = (GoalStatus.PREEMPTED, GoalStatus.RECALLED, GoalStatus.LOST)
-"""How a goal ends at move_base that somebody else took its robot from, or that nobody carries out any more."""
+"""States of a goal at move_base that another client has replaced or cancelled, or that was lost with its server."""
 
 
 class WaypointFollowerNode:
-    """Carries out one goal of the action at a time; a newer one takes its place.
+    """Carries out one goal of the action at a time; a newer one replaces it.
 
-    The action server's lock guards it all.
+    The action server's lock guards all fields.
     """
 
     def __init__(self, parameters: WaypointFollowerParameters) -> None:
@@ -45,7 +45,7 @@ class WaypointFollowerNode:
         self._goal: Optional[Any] = None
         self._follower = WaypointFollower(1)
         self._sent: Optional[SentGoal] = None
-        self._left: List[SentGoal] = []  # at move_base, for goals whose place was taken here
+        self._left: List[SentGoal] = []  # goals at move_base that belong to replaced goals of this action
         self._cancelled, self._why = False, ""  # why the last waypoint was not reached
         self._server = ActionServer(
             "follow_waypoints", FollowWaypointsAction, self._take, self._take_cancel, overtaken_cb=self._take_overtaken)
@@ -56,7 +56,7 @@ class WaypointFollowerNode:
         check_alone("follow_waypoints")
 
     def look(self, now: float) -> None:
-        """Go on where move_base has come to an end; call every LOOK_PERIOD.
+        """Take the end of a drive and send the next waypoint; call every LOOK_PERIOD.
 
         Args:
             now: ROS time (s).
@@ -75,7 +75,7 @@ class WaypointFollowerNode:
                 self._go_on(now)
 
     def _take_ending(self, now: float, ending: ActionEnding) -> None:
-        """Take note of how the drive to a waypoint ended."""
+        """Record how the drive to a waypoint ended; abort where another client has taken over the robot."""
         follower = self._follower
         reached = ending.status == GoalStatus.SUCCEEDED
         if ending.status in NOT_OURS and not self._cancelled:
@@ -115,7 +115,7 @@ class WaypointFollowerNode:
             goal.set_rejected(self._result(), str(error))
             return
         self._end("canceled", "another goal has come")
-        if self._sent is not None:  # it goes on until move_base has the new one
+        if self._sent is not None:  # the robot drives on for it until move_base gets the next one
             self._left.append(self._sent)
         goal.set_accepted()
         self._goal, self._follower, self._sent, self._cancelled = goal, follower, None, False
@@ -129,14 +129,14 @@ class WaypointFollowerNode:
             self._call_off_left()
 
     def _take_overtaken(self, _goal: Any) -> None:
-        """Stand: a goal that was called off before it came would have taken the place of this one, and ended."""
+        """Stop for a newer goal whose cancel came before it: it would have replaced this goal and been cancelled."""
         self._end("canceled", "another goal has come")
         if self._sent is not None:
             self._sent.cancel()
         self._call_off_left()
 
     def _call_off_left(self) -> None:
-        """Call off what move_base may still drive for: it ends such a goal for one that it takes, not for nonsense."""
+        """Cancel goals of replaced ones that move_base may still carry out, as where it refused the next one."""
         left, self._left = self._left, []
         for sent in left:
             sent.cancel()
@@ -155,7 +155,7 @@ class WaypointFollowerNode:
 
 
 class WaypointTopics:
-    """The package follow_waypoints' topics: poses gathered one by one become a goal of the action, for all to see."""
+    """Topics of the package follow_waypoints: poses collected one by one are sent as a goal of the action."""
 
     def __init__(self, parameters: WaypointFollowerParameters) -> None:
         from mbf_relay.msg import FollowWaypointsActionGoal
@@ -166,13 +166,13 @@ class WaypointTopics:
         self._goals = rospy.Publisher("follow_waypoints/goal", FollowWaypointsActionGoal, queue_size=1)
         self._cancels = rospy.Publisher("follow_waypoints/cancel", GoalID, queue_size=1)
         self.show([])
-        # no queue_size: of poses that a program sends at once rospy would keep the last ones alone
+        # no queue_size, or rospy would drop all but the last of poses that a program sends at once
         rospy.Subscriber(parameters.addpose_topic, PoseWithCovarianceStamped, self._add)
         rospy.Subscriber("path_ready", Empty, self._start, queue_size=1)
         rospy.Subscriber("path_reset", Empty, self._reset, queue_size=1)
 
     def show(self, poses: List[PoseStamped]) -> None:
-        """Publish the waypoints that are driven to; where there are none, those gathered."""
+        """Publish `poses`, the waypoints of the running goal; if empty, those collected for the next one."""
         poses = poses or self._gathered
         shown = PoseArray(poses=[pose.pose for pose in poses])
         shown.header.stamp = rospy.get_rostime()
