@@ -45,7 +45,7 @@ class UsualAge:
     def limit(self, longest: float) -> float:
         """Return the age (s) above which the sensor counts as silent: the largest of late plus one usual period.
 
-        So one message may be lost. It is at least SHORTEST and at most `longest` (s), which holds until there are enough
-        arrivals.
+        So one message may be lost. It is at least SHORTEST and at most `longest` (s), which holds until there are
+        enough arrivals.
         """
         return min(longest, self._limit)
