@@ -143,8 +143,8 @@ class TwoWheels(Drivetrain):
             spin = slip * self._period
             self._spun = (self._spun[0] + spin * left, self._spun[1] + spin * right)
             left, right = left * (1.0 - slip), right * (1.0 - slip)
+        self._base.turn_wheels(*self._wanted, left, right)  # the servo compares with the angles before the step
         self._wanted = (self._wanted[0] + left * self._period, self._wanted[1] + right * self._period)
-        self._base.turn_wheels(*self._wanted, left, right)
 
     def _settle(self) -> None:
         self._wanted = self._base.wheel_angles()

@@ -173,3 +173,15 @@ def test_an_imu_that_is_mounted_aside_and_turned_measures_there_and_in_its_own_a
         assert np.mean([reading.acceleration[1] for reading in turning]) == pytest.approx(2.0 ** 2 * 0.1, rel=0.1)
         heading = Frame.from_quaternion((0.0, 0.0, 0.0), turning[-1].orientation).flat().theta
         assert abs(angle_between(heading, simulation.true_pose.theta + math.pi / 2.0)) < 0.05
+
+
+@pytest.mark.parametrize("rate, speed", [(120, 0.22), (120, 1.0), (60, 0.22)])
+def test_wheels_turn_no_faster_than_they_are_told(rate, speed):
+    """A burger allowed 1 m/s drove at 1.05, and 12.5 cm farther in three seconds than was commanded."""
+    rates = dict(physics_rate=rate, scan_rate=0.0, odom_rate=20.0, imu_rate=0.0, joint_state_rate=0.0)
+    with trial.simulate(max_speed=speed, **rates) as simulation:
+        trial.run(simulation, 2.0, Twist2D(speed, 0.0, 0.0))
+        before, now = simulation.true_pose, simulation.now
+        trial.run(simulation, 1.0, Twist2D(speed, 0.0, 0.0))
+        driven = before.distance_to(simulation.true_pose) / (simulation.now - now)
+    assert driven == pytest.approx(speed, rel=0.003)
