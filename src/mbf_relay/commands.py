@@ -1,4 +1,4 @@
-"""What commands have in common."""
+"""Helpers of the command line programs."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from mbf_relay.importing import import_or_exit
 
 
 def run(place: str) -> None:
-    """Run a command that does one thing and leaves it whole or undone, and exit with the status it returns.
+    """Run a command that needs no cleanup when interrupted, and exit with the status it returns.
 
     Args:
-        place: The function, with its module: imported once signals end this process.
+        place: "package.module.function"; imported after the signal handlers are set.
     """
     end_in_silence()
     module, _, function = place.rpartition(".")
@@ -22,17 +22,16 @@ def run(place: str) -> None:
 
 
 def end_in_silence() -> None:
-    """Have Ctrl-C, and a reader of the output that has gone (`| head`), end this process as they end any other tool.
+    """Let SIGINT (Ctrl-C) and SIGPIPE (`| head`) end this process at once, instead of with a Python traceback.
 
-    For commands that nothing has to be put in order after; call it before anything else is imported. Python would show
-    a traceback of whatever it was at.
+    For commands that need no cleanup. Call it before slow imports.
     """
     for number in (signal.SIGINT, signal.SIGPIPE):
         signal.signal(number, signal.SIG_DFL)
 
 
 def positive(text: str) -> int:
-    """Return what an option says, a whole number above zero."""
+    """Parse an option that is an integer above 0; ArgumentTypeError otherwise."""
     try:
         value = int(text)
     except ValueError:
@@ -43,7 +42,7 @@ def positive(text: str) -> int:
 
 
 def finite(text: str) -> float:
-    """Return what an option says, a finite number."""
+    """Parse an option that is a finite number; ArgumentTypeError otherwise."""
     try:
         value = float(text)
     except ValueError:

@@ -1,4 +1,4 @@
-"""Distances of cells from cells."""
+"""Euclidean distance transform and dilation of grids."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ def distances_to_zeros(cells: np.ndarray, farthest: float = math.inf) -> np.ndar
 
     Args:
         cells: Shape (height, width), bool or uint8.
-        farthest: What is farther away (cells) may be told any distance beyond this one, which takes less time.
+        farthest: Distance (cells) up to which results are exact; a larger one may be any value above it, to save time.
 
     Returns:
-        Shape (height, width), float32: exact but for the root; infinite where no cell is 0.
+        Shape (height, width), float32, correctly rounded roots of integers; infinite where no cell is 0.
     """
     cells = np.ascontiguousarray(cells).view(np.uint8)
     if cells.all():

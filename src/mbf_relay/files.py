@@ -1,4 +1,4 @@
-"""Files from outside, opened and read within bounds: nothing that blocks, explodes or takes the whole memory."""
+"""Reading of users' files (text, XML, YAML) with limits on size, nesting and aliases, and without blocking on pipes."""
 
 from __future__ import annotations
 
@@ -17,31 +17,31 @@ if TYPE_CHECKING:
     from xml.etree.ElementTree import Element
 
 LARGEST_TEXT = 64 << 20
-"""Bytes of a file that is read whole."""
+"""Largest size (bytes) of a text file."""
 MOST_NODES = 1000000
 """Values in a YAML document once its aliases are written out."""
 LONGEST_ANGLE = 80
-"""Characters of an angle that is written as a calculation."""
+"""Largest number of characters in the expression of an angle."""
 CALCULATIONS: Dict[type, Callable[..., float]] = {
     ast.Add: operator.add, ast.Sub: operator.sub, ast.Mult: operator.mul, ast.Div: operator.truediv,
     ast.USub: operator.neg, ast.UAdd: operator.pos,
 }
-"""What an angle may be calculated with, by Python's name of it."""
+"""Operators allowed in the expression of an angle."""
 
 
 class YamlLoader(yaml.SafeLoader):  # type: ignore[misc]
     """PyYAML's safe loader with rosparam's angles: `!degrees 60`, `deg(60)`, `!radians pi/2`, `rad(2*pi)`.
 
-    rosparam gives PyYAML's own loader these forms where it is imported, and evaluates what stands there as Python.
+    rosparam adds these forms to PyYAML's own loader and evaluates them as Python; here only arithmetic is allowed.
     """
 
 
 def _angle(unit: float, name: str) -> Callable[[YamlLoader, Any], float]:
-    """Return what makes radians of a scalar.
+    """Return a YAML constructor that converts a scalar to radians.
 
     Args:
-        unit: In radians.
-        name: Under which it may stand with its angle in brackets.
+        unit: Radians in one unit of the scalar.
+        name: Function name that may be written around the angle: "deg" or "rad".
     """
     def construct(loader: YamlLoader, node: Any) -> float:
         text = str(loader.construct_scalar(node)).strip()
@@ -58,7 +58,7 @@ def _angle(unit: float, name: str) -> Callable[[YamlLoader, Any], float]:
 
 
 def _calculated(part: Any) -> float:
-    """Return the value of a calculation with numbers and pi; ValueError where it is anything else."""
+    """Evaluate an arithmetic expression of numbers and pi; ValueError for anything else."""
     if isinstance(part, ast.Constant) and type(part.value) in (int, float):
         return float(part.value)
     if isinstance(part, ast.Name) and part.id == "pi":
@@ -92,11 +92,11 @@ def config_folder() -> Path:
 
 
 def open_regular(path: str, largest: int = LARGEST_TEXT) -> BinaryIO:
-    """Open a file to read; what is no regular file, such as a pipe that nobody writes to, would block for ever.
+    """Open a regular file for reading; others are refused, since e.g. a pipe without a writer would block for ever.
 
     Args:
         path: The file.
-        largest: Bytes it may have.
+        largest: Largest size allowed (bytes).
 
     Raises:
         OSError: It cannot be opened.
@@ -144,7 +144,7 @@ def parse_xml(text: Union[str, bytes], where: str) -> Element:
 
 
 class _XmlLines:
-    """Target of an XML parser that notes the line in which each element begins, and that in which its text does."""
+    """Target of an XML parser that records the lines in which each element and its text begin."""
 
     def __init__(self) -> None:
         self.lines: List[List[int]] = []

@@ -1,4 +1,4 @@
-"""Planar poses, velocities and angles: the few types every room of the package shares."""
+"""Planar poses, velocities and angles, shared by the whole package."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from typing import Any, List, NamedTuple
 import numpy as np
 
 FASTEST = 1000.0
-"""Metres or radians per second; nothing on wheels is faster."""
+"""Largest speed (m/s or rad/s) that is plausible for a robot."""
 FARTHEST = 1e7
-"""Metres from a frame's origin: a quarter of the way round the earth, for those who navigate in UTM."""
+"""Largest coordinate (m) that is plausible; UTM has northings up to this."""
 
 FULL_TURN = 6.3
-"""Radians: nobody writes a heading beyond, other than in degrees."""
+"""Magnitude (rad) above which a heading is probably in degrees."""
 
 
 def normalize_angle(angle: float) -> float:
@@ -33,7 +33,7 @@ def angle_between(start: float, end: float) -> float:
 
 
 def degrees_told(yaw: float) -> str:
-    """Return what a yaw (rad) is and what to write, where degrees are meant more likely; empty for others."""
+    """Return the end of a warning where a yaw (rad) is probably in degrees; empty otherwise."""
     if abs(yaw) <= FULL_TURN:
         return ""
     return f"is {yaw:g} rad; if degrees are meant, write {math.radians(yaw):.4f}"
@@ -104,7 +104,7 @@ class Twist2D(NamedTuple):
 
     @staticmethod
     def of(values: Any) -> Twist2D:
-        """Return three numbers, whatever kind of sequence has them, as a velocity of plain floats.
+        """Return a tuple, list or array of three numbers as a velocity of Python floats.
 
         Raises:
             TypeError: They are anything else.
@@ -119,7 +119,7 @@ class Twist2D(NamedTuple):
         return math.isfinite(self.x) and math.isfinite(self.y) and math.isfinite(self.theta)
 
     def is_a_robots(self) -> bool:
-        """Return whether something on wheels can be that fast: no component is NaN or beyond FASTEST."""
+        """Return whether the velocity is plausible for a robot: no component is NaN or beyond FASTEST."""
         return all(abs(part) <= FASTEST for part in self)
 
     def speed(self) -> float:
@@ -127,11 +127,11 @@ class Twist2D(NamedTuple):
         return math.hypot(self.x, self.y)
 
     def scaled(self, factor: float) -> Twist2D:
-        """Return a velocity along the same arc, so many times as fast."""
+        """Return the velocity times a factor; it leads along the same arc."""
         return Twist2D(factor * self.x, factor * self.y, factor * self.theta)
 
     def held(self, duration: float) -> Pose2D:
-        """Return the pose that this velocity, held for `duration` (s), leads to from the origin."""
+        """Return the pose reached from the origin at this velocity after `duration` (s); theta is not wrapped."""
         turn = self.theta * duration
         if abs(self.theta) < 1e-9:
             return Pose2D(self.x * duration, self.y * duration, turn)
@@ -143,7 +143,7 @@ STOP = Twist2D(0.0, 0.0, 0.0)
 
 
 def polygon_area(corners: np.ndarray) -> float:
-    """Return the area (m^2) of an outline, shape (K, 2), that does not cross itself."""
+    """Return the area (m^2) of a simple polygon with corners (m) of shape (K, 2)."""
     x, y = corners.T
     return 0.5 * abs(float(np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y)))
 
@@ -152,6 +152,9 @@ def convex_hull(points: np.ndarray) -> np.ndarray:
     """Return the corners of the convex hull of points (N, 2), counter-clockwise, shape (K, 2).
 
     By the monotone chain, A. M. Andrew, "Another efficient algorithm for convex hulls in two dimensions", 1979.
+
+    Raises:
+        ValueError: There are fewer than three distinct points.
     """
     ordered = np.unique(np.round(points, 6), axis=0)
     if len(ordered) < 3:
@@ -169,5 +172,5 @@ def convex_hull(points: np.ndarray) -> np.ndarray:
 
 
 def _turn(a: np.ndarray, b: np.ndarray, c: np.ndarray) -> float:
-    """Return twice the area of a triangle, above zero where it turns left."""
+    """Return twice the signed area of a triangle, positive where a, b, c are counter-clockwise."""
     return float((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]))

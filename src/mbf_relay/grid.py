@@ -1,4 +1,4 @@
-"""A 2-D grid laid over the world: where a cell lies, and in which cell a point lies."""
+"""A 2-D grid: conversion between points and cells."""
 
 from __future__ import annotations
 

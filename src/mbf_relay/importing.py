@@ -1,4 +1,4 @@
-"""What a program says where a library that it needs is missing, or is another than it was built with."""
+"""Import of a program's modules, with one line for the user where a library is missing or of another version."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ def import_or_exit(name: str) -> ModuleType:
         name: Of the module, with its packages.
 
     Raises:
-        SystemExit: A library that it needs cannot be imported; Python prints the text, one line, and exits with 1.
-        ImportError: A module of the package itself is wrong, which wants its traceback.
+        SystemExit: A library cannot be imported; Python prints the text, one line, and exits with status 1.
+        ImportError: A module of the package itself cannot be imported, a defect whose traceback is needed.
     """
     try:
         return importlib.import_module(name)

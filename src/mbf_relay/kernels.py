@@ -1,15 +1,15 @@
-"""Compiled loops: one decorator for every kernel of the package.
+"""The decorator of all compiled loops (kernels) of the package.
 
-Kernels are plain functions in modules named `*_kernels.py`, and state their signature. When the package is built,
-`mbf_relay.kernel_build` has numba compile them all and links the machine code into one extension module, `_kernels`,
-so that no running node needs numba and LLVM, which fill 100 MiB of a process and take a second to import. The code is
-made for any processor of the kind, some of it once more for those with wide vectors, and gives the same bits as numba
-in the process, since it is numba's: Cython and pythran would read the same source otherwise, and numba's own pycc,
-which is on its way out, cannot release the interpreter lock.
+Kernels are plain functions in modules named `*_kernels.py`, with their numba signature. When the package is built,
+`mbf_relay.kernel_build` compiles them all with numba and links the machine code into one extension module, `_kernels`.
+Running nodes then need neither numba nor LLVM, which take 100 MiB of memory and a second to import. The code is built
+for the baseline of the processor family, and some of it also for AVX2; results are bit-identical to numba's in the
+process. Cython and Pythran would give others, and numba's own pycc is deprecated and cannot release the interpreter
+lock.
 
-A kernel that is not in there, such as one of a plugin of a user's own, or one whose source has changed since, is
-compiled by numba when its module is imported, and never at a first goal. Every kernel that another one calls stays in
-the same file, because numba's cache notices changes of the file alone.
+A kernel that is not in there, such as one of a user's plugin, or one whose file has changed since, is compiled by numba
+when its module is imported, not at the first goal. Kernels and constants that a kernel uses must be in its own file,
+because neither numba's cache nor the build notices changes of other files.
 """
 
 from __future__ import annotations
@@ -22,14 +22,14 @@ from functools import lru_cache
 from typing import Any, Callable, Dict, List, Optional, Union
 
 SWITCH = "MBF_RELAY_KERNELS"
-"""Environment variable: IN_PROCESS has numba compile all, as if nothing were built; TO_BUILD the same, uncached; PLAIN
-takes of what was built that for any processor, where this one can more; UNCOMPILED leaves all as Python."""
+"""Environment variable. IN_PROCESS: numba compiles all kernels, as if none were built; TO_BUILD: the same, uncached;
+PLAIN: built kernels without AVX2 are used; UNCOMPILED: kernels stay Python functions."""
 IN_PROCESS, TO_BUILD, PLAIN, UNCOMPILED = "in process", "to build", "plain", "uncompiled"
 _reasons: List[str] = []
 
 
 def kernel(signature: Union[str, List[str]], **options: Any) -> Callable:
-    """Compile a function for `signature` without the interpreter lock, or find it compiled.
+    """Return a decorator that compiles a function for `signature`, without the interpreter lock, or finds it built.
 
     Args:
         signature: numba signature(s), e.g. "void(float32[:,::1], int64)"; arrays are C-contiguous and writable.
@@ -70,7 +70,7 @@ def compile_all() -> List[str]:
 
 
 def digest(path: str) -> str:
-    """Return what tells a state of a source file from others; nothing of a file that cannot be read."""
+    """Return the SHA-256 digest of a source file; empty for a file that cannot be read."""
     try:
         with open(path, "rb") as stream:
             return hashlib.sha256(stream.read()).hexdigest()
@@ -80,7 +80,7 @@ def digest(path: str) -> str:
 
 @lru_cache(maxsize=None)
 def _built(module: str, path: str) -> Dict[str, Callable]:
-    """Return the kernels of a module that were built from its source as it is now."""
+    """Return the built kernels of a module by name; empty if they were built from another version of the file."""
     if not module.startswith("mbf_relay."):
         return {}
     extension = _extension()

@@ -1,4 +1,4 @@
-"""Occupancy maps and the files they are kept in (the map_server's form: a YAML file and an image)."""
+"""Occupancy maps and their files in map_server's format: a YAML file and an image."""
 
 from __future__ import annotations
 
@@ -25,23 +25,22 @@ if TYPE_CHECKING:
     from PIL import Image  # else where it is used: every node knows maps, one reads images
 
 FINEST, COARSEST = 0.001, 50.0
-"""Metres a cell may measure; in a finer one every radius would be a loop over millions of cells."""
+"""Allowed range (m) of a map's resolution: on finer ones, loops over the cells in a radius would take too long."""
 LARGEST_SIDE = 32767
-"""Cells each way that a map may have: in planners' queues rows and columns share one 32-bit number."""
+"""Largest width and height (cells): planners' queues pack row and column into 32 bits."""
 MOST_CELLS = 1 << 28
-"""Cells of a map: 800 m x 800 m at 5 cm; a costmap and a plan over them take ten bytes each."""
+"""Largest number of cells: 800 m x 800 m at 5 cm; costmap and planner take ten bytes for each."""
 
 LARGEST_MAP_FILE = 1 << 20
-"""Bytes of a map's YAML file."""
+"""Largest size (bytes) of a map's YAML file."""
 IMAGE_FORMATS = ("PNG", "PPM", "BMP", "GIF", "JPEG", "PCX", "TGA", "TIFF", "WEBP")
-"""What map_server reads by SDL_image and Pillow reads by itself: for EPS it starts Ghostscript on a stranger's file.
-"""
+"""Formats that map_server (SDL_image) and Pillow read. Not EPS: Pillow would start Ghostscript on the file."""
 BAND = 1 << 22
-"""Pixels of an image that are turned into cells at a time."""
+"""Pixels of an image that are converted at a time, to limit memory."""
 PLAIN_HEAD = re.compile(rb"P5\s(?:\s|#[^\r\n]*[\r\n])*([0-9]{1,9})\s+([0-9]{1,9})\s+255\s")
-"""How a PGM image of bytes begins: width and height, with comments before them."""
+"""Header of a binary PGM image with 8 bits a pixel: comments, width and height."""
 LONGEST_HEAD = 4096
-"""Bytes it is looked for in."""
+"""Bytes in which the header must end."""
 _PILLOW = threading.Lock()
 
 FREE = 0
@@ -82,14 +81,13 @@ class OccupancyMap:
 
     @property
     def local_grid(self) -> Grid:
-        """The map's cells laid out in the frame of its origin, where no turn is left to care for."""
+        """The map's grid in the frame of its origin, with which it is aligned."""
         height, width = self.data.shape
         return Grid(self.resolution, 0.0, 0.0, width, height)
 
     @property
     def upright_grid(self) -> Grid:
-        """Cells of the same size along the axes of the map's frame: the map's own, or all it covers where it is turned.
-        """
+        """A grid along the axes of the map's frame: the map's own, or the bounding box of a turned map."""
         height, width = self.data.shape
         if self.origin.theta == 0.0:
             return Grid(self.resolution, self.origin.x, self.origin.y, width, height)
@@ -100,7 +98,7 @@ class OccupancyMap:
         return Grid(self.resolution, left, bottom, columns, rows)
 
     def is_same(self, other: OccupancyMap) -> bool:
-        """Return whether another map says the same of the same places."""
+        """Return whether another map has the same cells, resolution and origin."""
         return (self.resolution, self.origin) == (other.resolution, other.origin) and np.array_equal(
             self.data, other.data)
 
@@ -136,12 +134,12 @@ class MapFileParameters(ParameterSet):
 
 
 def load_map(yaml_path: str) -> OccupancyMap:
-    """Read a map from its YAML file and the image that names.
+    """Read a map from its YAML file and the image named in it.
 
     Raises:
         OSError: The YAML file or the image cannot be opened.
         MapFileError: The YAML file lacks a key or has a wrong value.
-        MapImageError: The image is none the image library reads.
+        MapImageError: The image cannot be read, or is too large.
     """
     parameters = read_map_file(yaml_path)
     image_path = os.path.join(os.path.dirname(os.path.abspath(yaml_path)), parameters.image)
@@ -166,7 +164,7 @@ def read_map_file(yaml_path: str) -> MapFileParameters:
 
 
 def _plain(name: str, value: Any) -> Any:
-    """Return a YAML value as map_server understands it: `negate: 0` is a switch and 5e-2 a number, not a text."""
+    """Return a YAML value as map_server reads it: `negate: 0` is a bool, and 5e-2 a number, not a string."""
     if isinstance(value, str) and name not in ("image", "mode"):
         try:
             value = float(value)
@@ -187,7 +185,7 @@ def load_map_image(image_path: str, parameters: MapFileParameters) -> OccupancyM
 
     Raises:
         OSError: The file cannot be opened.
-        MapImageError: It is no image, or has no pixel.
+        MapImageError: It cannot be read as an image, is too large, or has no pixel.
     """
     try:
         file = files.open_regular(image_path, MOST_CELLS * 8)
@@ -207,9 +205,9 @@ def load_map_image(image_path: str, parameters: MapFileParameters) -> OccupancyM
 
 
 def _read_plain(file: BinaryIO, parameters: MapFileParameters) -> Optional[np.ndarray]:
-    """Return the occupancy a PGM file as map_saver's shows; None for any other, and one that is too short or too large.
+    """Return the occupancy of a PGM file like map_saver's; None for other files, and for too short or too large ones.
 
-    Pillow is 3 MiB of a process, and most maps need none.
+    Such maps, which most are, need no Pillow, which takes 3 MiB of the process.
     """
     match = PLAIN_HEAD.match(file.read(LONGEST_HEAD))
     width, height = map(int, match.groups()) if match else (0, 0)
@@ -229,9 +227,9 @@ def _read_plain(file: BinaryIO, parameters: MapFileParameters) -> Optional[np.nd
 
 
 def _read_image(file: BinaryIO, parameters: MapFileParameters) -> np.ndarray:
-    """Return the occupancy an image shows, row 0 the lowest y.
+    """Return the occupancy of an image, int8, row 0 the lowest y.
 
-    A band of rows at a time, for a large one takes gigabytes.
+    Converted in bands of rows, since a large image would take gigabytes at once.
     """
     from PIL import Image
 
@@ -247,7 +245,7 @@ def _read_image(file: BinaryIO, parameters: MapFileParameters) -> np.ndarray:
             if trouble:
                 raise ValueError(f"it has {trouble}")
             image.load()
-    deep = image.mode.startswith("I") or image.mode == "F"  # told by its highest value, which one band may not have
+    deep = image.mode.startswith("I") or image.mode == "F"  # scaled by the highest value of the whole image
     rows = height if deep else max(1, BAND // width)
     data = np.empty((height, width), dtype=np.int8)
     for top in range(0, height, rows):
@@ -260,7 +258,7 @@ def _read_image(file: BinaryIO, parameters: MapFileParameters) -> np.ndarray:
 
 @contextlib.contextmanager
 def _any_size() -> Iterator[None]:
-    """Switch off Pillow's limit, which is the module's, for as long as an image is opened."""
+    """Switch off Pillow's limit of pixels, a global variable of its module, while an image is opened."""
     from PIL import Image
 
     with _PILLOW:

@@ -1,22 +1,22 @@
-"""Which known name somebody meant who wrote one that is not known."""
+"""Suggestions for misspelt names."""
 
 from __future__ import annotations
 
 from typing import Iterable, Optional
 
 WORDS_ALIKE = 0.6
-"""Share of letters (difflib's ratio) two words must have in common to be one word misspelt."""
+"""Smallest similarity (difflib's ratio, 0 to 1) of two words of which one may be the other misspelt."""
 NAMES_ALIKE = 0.75
-"""The same of two names of unlike numbers of words, such as footprint and robot_footprint."""
+"""The same for whole names with different numbers of words, such as footprint and robot_footprint."""
 
 
 def nearest_of(name: str, known: Iterable[str]) -> Optional[str]:
-    """Return the known name that `name` is most likely a slip for, None where none is.
+    """Return the known name that `name` most likely misspells, None where there is none.
 
-    Names are words joined by underscores; where as many stand in both, each must look like its counterpart, or
-    max_vel_rot would be taken for max_vel_y; else the whole must look much alike.
+    Names are words joined by underscores. With equal numbers of words each must be similar to its counterpart, since
+    max_vel_rot would otherwise be taken for max_vel_y; with different ones the whole names must be more similar.
     """
-    import difflib  # for the few files that have a slip
+    import difflib  # slow to import, and rarely needed
 
     for match in difflib.get_close_matches(name, list(known), n=5):
         words, others = name.split("_"), match.split("_")

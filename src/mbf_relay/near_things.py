@@ -1,4 +1,4 @@
-"""What a lidar has seen that has since come nearer to it than it can measure."""
+"""Memory of obstacles that have come closer to a lidar than its range_min."""
 
 from __future__ import annotations
 
@@ -10,30 +10,30 @@ from mbf_relay.geometry import Pose2D
 from mbf_relay.scan import LaserScan
 
 SOON = 0.5
-"""Metres beyond range_min within which what is seen may be nearer than that by the next scan."""
+"""Distance (m) beyond range_min within which points are remembered: they may be too near by the next scan."""
 APART = 0.1
-"""Metres by which a beam must read more than the way to a thing to have looked past it, and by which the way may have
-grown since nobody saw it."""
+"""Distance (m) by which a beam must read more than a point's distance to prove that the point is gone, and by which a
+point may be beyond range_min while it is not seen."""
 SIZE = 0.05
-"""Metres to either side of a point that was seen which are the same thing's."""
+"""Half width (m) of the obstacle assumed around a point."""
 CELL = 0.02
-"""Metres within which points are one, where there are many."""
+"""Side (m) of the cells of which each keeps one point, where there are many."""
 MANY = 1000
-"""Points from which on those are left out."""
+"""Number of points above which they are thinned out."""
 
 
 class NearThings:
-    """Remembers the points of a lidar's scans that are about to become too near, until a beam looks past them."""
+    """Remembers points of a lidar's scans near range_min, until a beam reads farther in their direction."""
 
     def __init__(self) -> None:
-        self._points = np.empty((0, 2))  # in a frame that stands (m)
+        self._points = np.empty((0, 2))  # (m), in a fixed frame
 
     def hides(self, scan: LaserScan, sensor_pose: Pose2D) -> np.ndarray:
-        """Take the next scan and return which of its beams look at such a thing, bool of shape (B,).
+        """Take the next scan and return which of its invalid beams look at a remembered point, bool of shape (B,).
 
         Args:
-            scan: It, seen from above.
-            sensor_pose: The lidar in a frame that stands.
+            scan: The scan, with angles counter-clockwise as seen from above.
+            sensor_pose: Of the lidar, in a fixed frame such as odom.
         """
         hidden = self._hidden(scan, sensor_pose)
         seen = sensor_pose.transform_points(scan.hit_points[scan.ranges[scan.hit] < scan.range_min + SOON])
@@ -44,7 +44,7 @@ class NearThings:
         return hidden
 
     def _hidden(self, scan: LaserScan, sensor_pose: Pose2D) -> np.ndarray:
-        """Forget what is not there any more, or not that near, and return which beams look at the rest."""
+        """Forget points that are gone or farther away, and return which invalid beams look at the others, bool (B,)."""
         size, step = len(scan.ranges), abs(scan.angle_increment)
         if len(self._points) == 0 or step == 0.0 or scan.measured.all():
             self._points = self._points[:0]

@@ -1,4 +1,4 @@
-"""What navigation can end with, by the names Move Base Flex gives it, and the exceptions that carry these names.
+"""Outcomes of navigation, by Move Base Flex's names, and the exceptions that carry them.
 
 The numbers belong to the message definitions of the system at hand, which differ between versions; they are looked
 up by name at the ROS edge and nowhere else.
@@ -73,7 +73,7 @@ class RecoveryOutcome(Enum):
 
 
 def as_told(text: object) -> str:
-    """Return a text as a message can hold it: what is no letter, as in the name of a file, becomes its number."""
+    """Return a text that can be encoded as UTF-8: lone surrogates, as in names of files, become escapes."""
     return str(text).encode("utf-8", "backslashreplace").decode("utf-8")
 
 

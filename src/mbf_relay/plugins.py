@@ -1,4 +1,4 @@
-"""Plugins: what they share, and how a type name in a parameter file becomes an object."""
+"""Plugins: their base class, and their creation from the type name in a parameter file."""
 
 from __future__ import annotations
 
@@ -14,21 +14,21 @@ from mbf_relay.parameters import ParameterSet
 
 
 class Plugin:
-    """Something a user can replace: planner, controller, critic, layer or recovery behaviour.
+    """Base class of what users can replace: planner, controller, critic, layer and recovery behaviour.
 
     A plugin is a class with `Parameters`, a frozen dataclass derived from ParameterSet, in a module on PYTHONPATH; its
     type in the parameter file is `package.module.Class`.
 
     Attributes:
-        name: The name the user gave it; its parameters stand under that name.
+        name: The name in the user's parameter file; its parameters are below that name.
         parameters: The values in force; they change only by `reconfigure`. Nobody else reads them.
         dynamic_config: The module made from a .cfg file whose parameters may be changed at run time by
             dynamic_reconfigure, such as "mbf_relay.cfg.DwaConfig"; empty where none may.
-        stands_in: What a class that takes the place of another's plugin keeps of it, one sentence; empty for the thing
-            itself.
-        reads_also: Name of a group beside its own, in which upstream's class looks for what its own lacks here; empty
-            for none.
-        notes: What was made of the user's type and values, one line each, where they could not be taken as they are.
+        stands_in: For a class that substitutes a plugin of another package: one sentence on what it keeps of that;
+            empty for others.
+        reads_also: Name of a further parameter group, in which the upstream class reads parameters that are not in its
+            own; empty for none.
+        notes: Lines for the log on the user's type and values that were not used as given.
     """
 
     Parameters: ClassVar[Type[ParameterSet]] = ParameterSet
@@ -50,33 +50,32 @@ P = TypeVar("P", bound=Plugin)
 
 
 class StandInNote(str):
-    """A note that a plugin does the job of another, which is not here."""
+    """A note that a plugin substitutes another one, which is not available."""
 
     @classmethod
     def of(cls, type_name: str, does: str) -> StandInNote:
-        """Return the note: what is done (`does`) in the place of a plugin of that type."""
+        """Return the note for a plugin type; `does` says what is done instead."""
         return cls(f"{type_name} is not available here; {does}")
 
 
 class PluginFailure(RuntimeError):
-    """A plugin that is part of another thing, such as a critic or a layer, raised something; the text names it."""
+    """A plugin used by another one, such as a critic or a layer, raised an exception; the text names the plugin."""
 
 
 class PluginError(ValueError):
-    """A plugin could not be found or made; the text names it and what is available."""
+    """A plugin could not be found or created; the text names it and what is available."""
 
 
 def failure_text(error: BaseException, module: str) -> str:
-    """Return what an exception says, and where in a plugin's module it came up: "KeyError: 'x' (mine.py, line 7)".
+    """Return an exception's text with the place in the plugin's module: "KeyError: 'x' (mine.py, line 7)".
 
     Args:
-        error: It, as it was caught.
-        module: Full name of the module; where nothing of it was running, as of a call that it does not take, no place
-            is told.
+        error: The caught exception.
+        module: Full name of the plugin's module; without a frame of it in the traceback no place is given.
     """
     try:
         said = str(error)
-    except Exception as second:  # an exception is the plugin's as well, and what it says may come of what it lacks
+    except Exception as second:  # __str__ of the plugin's own exception
         said = f"and what it says cannot be told for {type(second).__name__}"
     text = as_told(f"{type(error).__name__}: {said}")
     places = [
@@ -86,7 +85,7 @@ def failure_text(error: BaseException, module: str) -> str:
     return f"{text} ({places[-1]})" if places else text
 
 
-class failures_of:  # a word of the `with` statement; a generator would take several times as long
+class failures_of:  # a context manager; a generator would take several times as long
     """Turn whatever a plugin, a `kind` such as "critic", raises into a PluginFailure."""
 
     __slots__ = ("_plugin", "_kind")
@@ -104,18 +103,18 @@ class failures_of:  # a word of the `with` statement; a generator would take sev
 
 
 def find_class(type_name: str, base: Type[P], known: Mapping[str, str]) -> Type[P]:
-    """Return the class a type name stands for.
+    """Return the class of a type name.
 
     Args:
         type_name: A key of `known` (the names upstream uses, e.g. "navfn/NavfnROS"), its last part alone, as files from
             before ROS Hydro have it, or in another package, as of a copy that somebody changed; or
             "package.module.Class".
         base: The abstract class it must derive from.
-        known: Upstream and short names to "package.module.Class"; a former name to the present one, with which it
-            warns.
+        known: Maps upstream and short names to "package.module.Class", and former names to present ones; for a former
+            name a FutureWarning is given.
 
     Raises:
-        PluginError: Nothing of that name, not of that kind, or a method of that kind is missing.
+        PluginError: There is no such class, it is not derived from `base`, or it lacks an abstract method.
     """
     path = known.get(_full_name(type_name, known), type_name)
     if path in known:
@@ -168,7 +167,7 @@ def plugin_name(type_name: str) -> str:
 
 
 def create(name: str, type_name: str, values: Mapping[str, Any], base: Type[P], known: Mapping[str, str]) -> P:
-    """Make a plugin from its name, its type and its parameters; what could not be taken as it is stands in its notes.
+    """Create a plugin from its name, type and parameters; values that were not used as given are in its notes.
 
     Raises:
         PluginError: The type is unknown, a parameter is wrong, or the constructor failed; the text names plugin and

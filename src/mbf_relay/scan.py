@@ -1,4 +1,4 @@
-"""A planar laser scan: what the lidar measures, localization weighs and costmaps mark."""
+"""A planar laser scan, as used by localization, costmaps and the simulated lidar."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 NEAREST = float(np.finfo(np.float32).tiny)
-"""Metres: the shortest range there is; a reading of 0 says that nothing was measured, whatever range_min there is."""
+"""Smallest range_min (m): with it a reading of 0 is always invalid, also where a driver sends range_min 0."""
 
 
 @dataclass(frozen=True)
@@ -47,30 +47,28 @@ class LaserScan:
 
     @property
     def goes_round(self) -> bool:
-        """Whether it sees all round, so that its last beam and its first are neighbours."""
+        """Whether it covers a full turn, so that the last beam and the first are neighbours."""
         step = abs(self.angle_increment)
         return len(self.ranges) * step > 2.0 * math.pi - 1.5 * step
 
     @cached_property
     def measured(self) -> np.ndarray:
-        """Which beams measured something, or that nothing is there, bool of shape (B,): not those of NaN or too near.
-        """
+        """Which beams are valid, bool of shape (B,): range_min or more, infinity included; not NaN."""
         with np.errstate(invalid="ignore"):
             enough: np.ndarray = self.ranges >= self.range_min
         return enough
 
     @cached_property
     def hit(self) -> np.ndarray:
-        """Which beams came back from something within the lidar's reach, bool of shape (B,)."""
+        """Which beams have a return: range_min or more, and below range_max, bool of shape (B,)."""
         with np.errstate(invalid="ignore"):
             within: np.ndarray = self.measured & (self.ranges < self.range_max)
         return within
 
     def readings_at(self, angles: np.ndarray) -> np.ndarray:
-        """Return what the beams nearest to some directions read, NaN where none looks; both of shape (A,), rad and m.
+        """Return the ranges (m) of the beams nearest to some directions (rad), both (A,); NaN outside of the scan.
 
-        So scans are held against each other beam by beam although a lidar's motor is not held to its beams: each turn
-        has a few more or fewer of them.
+        With it two scans are compared by direction: the number of beams of a spinning lidar varies from turn to turn.
         """
         size, step = len(self.ranges), abs(self.angle_increment) or 2.0 * math.pi
         off = (angles - self.angle_min) * math.copysign(1.0, self.angle_increment)
@@ -80,7 +78,7 @@ class LaserScan:
 
     @property
     def hit_points(self) -> np.ndarray:
-        """Where those beams ended, shape (H, 2) in metres."""
+        """Ends of the beams with a return, shape (H, 2) in metres, in the sensor's frame."""
         hit = self.hit
         ranges, angles = self.ranges[hit], self.angles[hit]
         return np.column_stack((ranges * np.cos(angles), ranges * np.sin(angles)))

@@ -1,4 +1,4 @@
-"""A scan whose beams were taken one after the other, by a sensor that turns on a robot that moves, set right."""
+"""Motion compensation (deskewing) of scans whose beams are taken one after the other by a spinning lidar."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ from mbf_relay.geometry import IDENTITY, Pose2D
 from mbf_relay.scan import LaserScan
 
 REACH = 1.5
-"""Beams' spacings within which a direction is taken to read what the next beam does."""
+"""Largest distance, in beam spacings, of a direction from the beam whose range it gets."""
 
 
 class Order(NamedTuple):
     """The order in which a lidar takes its beams.
 
     Attributes:
-        way: 1 where the next one follows, -1 where the one before does, 0 where all are taken at once.
-        start: Share of the scan at which the sensor begins to look round: drivers that sort beams by their angles may
-            have that in the middle.
+        way: 1 for increasing indices, -1 for decreasing ones, 0 for all at once.
+        start: Share of the scan, 0 to 1, at which the sweep begins: in the middle with some drivers, which sort beams
+            by angle.
     """
 
     way: int
@@ -31,25 +31,25 @@ class Order(NamedTuple):
         return _IN_WORDS[self]
 
     def shares(self, beams: int) -> np.ndarray:
-        """Return when each of so many beams is taken, shape (B,), as shares of the time from -0.5 to 0.5."""
+        """Return the times of `beams` beams as shares of the sweep time, from -0.5 to 0.5, shape (B,)."""
         along: np.ndarray = np.mod((np.arange(beams) + 0.5) / beams - self.start, 1.0) - 0.5
         return self.way * along
 
 
 AT_ONCE, FORWARDS, BACKWARDS = Order(0, 0.0), Order(1, 0.0), Order(-1, 0.0)
 ORDERS = (AT_ONCE, FORWARDS, BACKWARDS, Order(1, 0.5), Order(-1, 0.5))
-"""Those there are: of lidars that look all round, the one or the other half first."""
+"""The orders that are distinguished; with start 0.5, lidars of a full turn that begin in the middle of the scan."""
 _IN_WORDS = dict(zip(ORDERS, (
     "all at once", "the first one first", "the last one first", "from the middle one on", "from the middle one back")))
 
 
 def seen_at_once(scan: LaserScan, order: Order, moved: Pose2D) -> LaserScan:
-    """Return what the lidar would have read had it taken all beams halfway through, NaN where it then saw nothing.
+    """Return the scan as if all beams had been taken at the middle of the sweep, NaN in directions without a beam.
 
     Args:
-        scan: What it read, with its beams evenly spread over the time.
-        order: In which it took them.
-        moved: How it moved meanwhile.
+        scan: The scan, with beams evenly spread over the sweep time.
+        order: Order of the beams.
+        moved: Motion of the lidar during the sweep, in its frame at the start.
     """
     directions, ranges = ends(scan, order, moved)
     return replace(scan, ranges=resampled(directions, ranges, scan.angles, REACH * abs(scan.angle_increment)))
@@ -58,15 +58,15 @@ def seen_at_once(scan: LaserScan, order: Order, moved: Pose2D) -> LaserScan:
 def ends(
     scan: LaserScan, order: Order, moved: Pose2D, seen_from: Pose2D = IDENTITY
 ) -> Tuple[np.ndarray, np.ndarray]:
-    """Return where beams end that were taken while the lidar moved: directions and ranges, each (B,), rad and m.
+    """Return the motion-compensated ends of the beams: directions (rad) and ranges (m), shape (B,) each.
 
-    Ranges that measure nothing (below range_min, inf, NaN) stay as they are.
+    Ranges without a return (below range_min, range_max or more, NaN) stay as they are.
 
     Args:
-        scan: The beams.
-        order: In which they were taken.
-        moved: How the lidar moved meanwhile.
-        seen_from: From where, as seen from where it was halfway.
+        scan: The scan.
+        order: Order of the beams.
+        moved: Motion of the lidar during the sweep, in its frame at the start.
+        seen_from: Pose that the ends are given from, in the lidar's frame at the middle of the sweep.
     """
     share = order.shares(len(scan.ranges))  # of the motion
     turned = share * moved.theta
@@ -79,12 +79,12 @@ def ends(
 
 
 def resampled(directions: np.ndarray, ranges: np.ndarray, wanted: np.ndarray, reach: float) -> np.ndarray:
-    """Return what the beams nearest to some directions read, NaN where none is near.
+    """Return the ranges (m) of the beams nearest to some directions, shape (A,), NaN where none is near.
 
     Args:
         directions, ranges: Of the beams, each (B,), rad from -pi to pi and m.
         wanted: The directions (rad), shape (A,).
-        reach: How near (rad) a beam must be.
+        reach: Largest difference (rad) in direction.
     """
     order = np.argsort(directions)
     sorted_ones = directions[order]

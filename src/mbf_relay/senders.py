@@ -1,4 +1,4 @@
-"""Who sends on one topic: one, several that take turns, one that another has replaced, or guests."""
+"""Tracking of the publishers of one topic, e.g. several lidars on one: present ones, replaced ones, and guests."""
 
 from __future__ import annotations
 
@@ -6,18 +6,17 @@ import math
 from typing import Dict, List, Optional
 
 HOW_TO_GO_ON = "if it was taken away for good, start this node again"
-"""What to say of one of several that has fallen silent: nothing tells whether it died or was removed."""
+"""Advice where one of several senders is silent: it cannot be known whether it failed or was removed."""
 AT_ONCE = 2.0
-"""Seconds within which who sends at the same time as others is heard again; what is slower is too old to drive by."""
+"""Time (s) within which a sender must be heard again to count as sending at the same time as others."""
 
 
 class Senders:
-    """Tells apart, by their names, who sends what comes in one stream.
+    """Tracks by name which senders of one stream must be heard.
 
-    Who is soon heard again after another one is one of several that send at the same time, and is missed where it falls
-    silent. Who is not was replaced: a driver that was started again with another frame is no second lidar, and a spare
-    one that stands in for another takes no turns with it. A guest is heard while it sends, and never missed where there
-    is somebody else.
+    A sender heard again within AT_ONCE, with another one in between, sends at the same time as others, and its silence
+    is a failure. A sender not heard again was replaced by the next one, as by a driver restarted with another frame or
+    by a spare lidar. A guest counts while it sends; its silence is no failure unless it is the only sender.
     """
 
     def __init__(self) -> None:
@@ -28,7 +27,7 @@ class Senders:
         self._now = 0.0
 
     def hear(self, name: str, now: float, is_guest: bool = False) -> None:
-        """Take note that one of them has sent something at `now` (s)."""
+        """Record that a sender was heard at `now` (s)."""
         returns = name != self._newest and abs(now - self._heard_at.get(name, math.inf)) <= AT_ONCE
         self._now = self._heard_at[name] = now
         if is_guest:
@@ -40,13 +39,13 @@ class Senders:
 
     @property
     def present(self) -> List[str]:
-        """Those who are missed where they fall silent: all that take turns, and who was heard last; a guest alone."""
+        """Senders whose silence is a failure: those that send at the same time and the last one; else the guest."""
         found = [name for name, takes_turns in self._takes_turns.items() if takes_turns or name == self._newest]
         return found or [name for name in (self._guest,) if name is not None]
 
     @property
     def heard(self) -> List[str]:
-        """Those whose word counts: who is present, and the guests that still send."""
+        """Senders whose data are used: those present, and guests heard within AT_ONCE."""
         present = self.present
         return present + [
             name for name, heard_at in self._heard_at.items()

@@ -1,4 +1,4 @@
-"""Measuring time on a clock that may stand still or jump back, as a simulation's does."""
+"""Stopwatch and fixed rate on a clock that may stand still or jump back, such as a simulation's."""
 
 from __future__ import annotations
 
@@ -6,21 +6,21 @@ import math
 from typing import Optional
 
 ROUNDING = 1e-6
-"""Seconds by which a time may miss a multiple of a period for want of digits."""
+"""Tolerance (s) for rounding errors of times."""
 SET_BACK = 1.0
-"""Seconds by which something is ahead of now that is of before the clock was set back; less are a thread's that looked
-at the clock, and then waited."""
+"""Time (s) by which a stamp must be ahead of now to be from before the clock was set back; smaller differences come
+from threads that read the clock and were then delayed."""
 
 
 class Stopwatch:
-    """Time since something; starts anew when the clock jumps back."""
+    """Time since a start; starts again when the clock jumps back."""
 
     def __init__(self, since: Optional[float] = None) -> None:
         self._since = since
 
     @property
     def running(self) -> bool:
-        """Return whether it was started."""
+        """Whether it was started."""
         return self._since is not None
 
     def start(self, now: float) -> None:
@@ -32,7 +32,7 @@ class Stopwatch:
         self._since = None
 
     def leave_out(self, seconds: float) -> None:
-        """Count some of the time since the start no longer."""
+        """Subtract some time (s) from the elapsed time."""
         if self._since is not None:
             self._since += seconds
 
@@ -46,7 +46,7 @@ class Stopwatch:
 
 
 class Pacer:
-    """Says when the next cycle is due: at a fixed rate, without catching up on cycles that were missed."""
+    """Times of cycles at a fixed rate, without catching up on missed ones."""
 
     def __init__(self) -> None:
         self._last = -math.inf

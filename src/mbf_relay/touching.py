@@ -1,4 +1,4 @@
-"""When a robot touches something anew: one answer for the simulator, for drives without ROS and for reports."""
+"""Counting of collisions: one rule for the simulator, lockstep drives and reports."""
 
 from __future__ import annotations
 
@@ -6,20 +6,19 @@ import math
 from typing import Dict
 
 APART = 1.0
-"""Seconds without contact after which the same thing is touched anew: a hull that bounces along a wall touches it once.
-"""
+"""Time (s) without contact after which touching the same thing is a new collision: bouncing along a wall is one."""
 
 
 class Touched:
-    """Remembers when each thing was touched last."""
+    """Time of the last contact with each thing."""
 
     def __init__(self) -> None:
         self._last: Dict[str, float] = {}
 
     def is_anew(self, name: str, now: float) -> bool:
-        """Take note of a contact at `now` (s) and return whether the thing is touched anew, not still.
+        """Record a contact at `now` (s) and return whether it is a new collision.
 
-        So it is after APART without contact, and where the clock was set back.
+        It is after more than APART without contact, and where the clock was set back.
         """
         last, self._last[name] = self._last.get(name, -math.inf), now
         return not 0.0 <= now - last <= APART

@@ -1,4 +1,4 @@
-"""Files that are written whole or not at all."""
+"""Atomic writing of files."""
 
 from __future__ import annotations
 
@@ -10,19 +10,19 @@ from typing import BinaryIO, Iterator, Union
 
 @contextlib.contextmanager
 def whole_file(path: Union[str, Path]) -> Iterator[BinaryIO]:
-    """Open a file to write that takes its place once all of it is there.
+    """Open a file for writing under a temporary name; it replaces `path` when the block ends without an exception.
 
-    Where the disk is full, what stood there before stays as it was. What is no regular file, such as a terminal or a
-    pipe, is written to as it comes.
+    Otherwise, as with a full disk, the former file stays as it was. A path that is no regular file, such as a terminal
+    or a pipe, is written directly.
 
     Args:
-        path: Of the file.
+        path: The file.
 
     Yields:
-        Where the bytes go.
+        The open binary file.
 
     Raises:
-        OSError: It cannot be written; it names the file, which the system's own error of a full disk does not.
+        OSError: The file cannot be written; the error names it, also where the system's does not (full disk).
     """
     in_place = os.path.exists(path) and not os.path.isfile(path)
     place = os.path.realpath(path)  # a link stays one
@@ -42,6 +42,6 @@ def whole_file(path: Union[str, Path]) -> Iterator[BinaryIO]:
 
 
 def write_whole(path: Union[str, Path], content: Union[str, bytes]) -> None:
-    """Write a file of a text or of bytes; errors as for `whole_file`."""
+    """Write a text (as UTF-8) or bytes to a file; errors as for `whole_file`."""
     with whole_file(path) as stream:
         stream.write(content if isinstance(content, bytes) else content.encode("utf-8"))
