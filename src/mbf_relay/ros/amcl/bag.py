@@ -1,4 +1,4 @@
-"""amcl --run-from-bag: the node fed from a recorded bag, as fast as it goes."""
+"""amcl --run-from-bag: run the node on a recorded bag, as fast as possible."""
 
 from __future__ import annotations
 
@@ -15,42 +15,42 @@ from mbf_relay.ros.common.bags import find_scan_topic, open_bag, read_messages, 
 from mbf_relay.ros.common.transforms import Transforms
 
 BAG_CACHE_TIME = 10.0
-"""Seconds of transforms that tf2 remembers: a scan that waits longer will never have its own."""
+"""Cache time (s) of tf2: a scan that has waited longer will never get its transform."""
 
 
 class BagFed(Protocol):
-    """What a node offers to be fed from a bag instead of from topics."""
+    """Interface of a node that can be fed from a bag instead of topics."""
 
     transforms: Transforms
 
     def open(self) -> None:
-        """Take up services and publishers."""
+        """Get the map, and advertise services and topics."""
 
     def globalize(self) -> None:
-        """Spread the belief all over the map."""
+        """Spread the particles over the whole map."""
 
     def is_ready(self, message: LaserScan) -> bool:
-        """Return whether the scan's transform is there."""
+        """Return whether a scan's transforms are there."""
 
     def process(self, message: LaserScan) -> None:
-        """Take a scan whose transform is there."""
+        """Process a scan whose transforms are there."""
 
     def pose(self) -> Optional[Pose2D]:
-        """Return where the robot is believed to be."""
+        """Return the estimated pose on the map, None before the first."""
 
 
 
 def run_from_bag(node: BagFed, path: str, all_over: bool) -> None:
-    """Play a bag's transforms and scans into the filter, publish them along, and say where the robot ended.
+    """Feed a bag's transforms and scans to the filter, publish them too, and log the final pose.
 
     Args:
         node: The node, not opened yet.
-        path: Of the bag.
+        path: Path of the bag.
         all_over: Whether to start with particles all over the map.
 
     Raises:
         OSError: The bag cannot be read.
-        ValueError: It holds no scan.
+        ValueError: It is no bag, or `find_scan_topic` finds no topic of scans.
     """
     pause = float(rospy.get_param("~bag_scan_period", -1.0))
     began = time.monotonic()
@@ -67,7 +67,7 @@ def run_from_bag(node: BagFed, path: str, all_over: bool) -> None:
 
 
 class _Player:
-    """Hands a bag's messages to the node: transforms at once, scans when their transform has come."""
+    """Gives a bag's messages to the node: transforms at once, scans when their transforms are there."""
 
     def __init__(self, node: BagFed, scan_topic: str, pause: float) -> None:
         self._node, self._scan_topic, self._pause = node, scan_topic, pause
@@ -101,7 +101,7 @@ class _Player:
         self._tf_publisher.publish(TFMessage(transforms))
 
     def _work(self) -> None:
-        """Process what has its transform; what waits for longer than tf remembers will never have it."""
+        """Process waiting scans whose transforms are there; drop those older than tf2's cache time."""
         while self._waiting and self._node.is_ready(self._waiting[0]):
             self._node.process(self._waiting.pop(0))
         newest = self._waiting[-1].header.stamp if self._waiting else rospy.Time(0)

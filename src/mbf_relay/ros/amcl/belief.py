@@ -1,4 +1,4 @@
-"""What the amcl node tells of its belief beside the pose: hypotheses with their weights, and the pose's reliability."""
+"""Topics of amcl about its belief beside the pose: hypotheses with weights, reliability, and changes of the map."""
 
 from __future__ import annotations
 
@@ -17,19 +17,20 @@ from mbf_relay.maps import OccupancyMap
 from mbf_relay.ros.common.conversions import header, map_to_message, pose_to_message
 
 Hypotheses = Sequence[Tuple[Pose2D, float]]
-"""Places with their shares of the belief, heaviest first."""
+"""Poses with their weights (0 to 1), heaviest first."""
 ARROW = (0.5, 0.08, 0.08)
+"""Length, width and height (m) of a hypothesis' arrow."""
 
 
 class Belief(NamedTuple):
     """What the filter believes.
 
     Attributes:
-        hypotheses: Where the robot may be.
-        reliability: Of the first, 0 to 1; None where nothing measures it.
-        changed: Blocks of the map that changed; None where nobody asks.
-        log_likelihood: Of the newest scan, averaged over the particles.
-        effective_particles: How many of equal weight would say as much.
+        hypotheses: Poses where the robot may be.
+        reliability: Probability that the first one is right; None without `robust`.
+        changed: Blocks of the map that have changed; None without subscribers.
+        log_likelihood: Log-likelihood of the newest scan, averaged over the particles.
+        effective_particles: Effective sample size.
     """
 
     hypotheses: Hypotheses
@@ -57,7 +58,7 @@ class BeliefPublisher:
         self._effective = rospy.Publisher("~effective_sample_size", Float64, queue_size=2)
 
     def take(self, localizer: Localizer) -> Belief:
-        """Return what a filter believes, as far as somebody listens; its lock is held."""
+        """Return a filter's belief, without what has no subscribers; the filter's lock must be held."""
         changed = localizer.changed_blocks() if self._blocks.get_num_connections() else None
         return Belief(
             localizer.hypotheses(), localizer.reliability(), changed, localizer.log_likelihood,
@@ -90,7 +91,7 @@ class BeliefPublisher:
 
 
 def markers_of(hypotheses: Hypotheses, frame: str, stamp: rospy.Time) -> List[Marker]:
-    """Return an arrow for each hypothesis, the fainter the less it weighs, and its weight beside it as text.
+    """Return an arrow for each hypothesis, with its weight as opacity and as text beside it.
 
     Args:
         hypotheses: Places with their weights.

@@ -1,4 +1,4 @@
-"""Point clouds for localization: judged at the door, and made scans before they wait for odometry."""
+"""Point clouds for localization, validated and converted to scans on arrival."""
 
 from __future__ import annotations
 
@@ -21,10 +21,11 @@ from mbf_relay.ros.common.transforms import Transforms
 from mbf_relay.scan import LaserScan
 
 BUFFER_BYTES = 1 << 24
+"""Size of the subscriber's receive buffer, enough for a large cloud."""
 
 
 class CloudScan(NamedTuple):
-    """What a point cloud came to: its header, a scan, and the pose of the scan's frame in the base's."""
+    """A scan made from a point cloud: the cloud's header, the scan, and the pose of its frame in the base's."""
 
     header: Header
     scan: LaserScan
@@ -32,13 +33,14 @@ class CloudScan(NamedTuple):
 
 
 AnyScan = Union[LaserScanMessage, CloudScan]
+"""What waits in amcl's queue."""
 
 
 class CloudInput:
-    """Takes `cloud_in` of any number of sensors, each told from the others by its frame, into the queue of scans.
+    """Subscribes to `cloud_in`, of any number of sensors with different frames, and queues scans made from the clouds.
 
-    A cloud is hundreds of times a scan's size, so that none waits: it is made a scan when it comes, or left out while
-    its sensor's place on the robot is not known.
+    Since a cloud is hundreds of times as large as a scan, it is converted on arrival, and dropped where its sensor's
+    transform to the base is not known.
     """
 
     def __init__(
@@ -47,10 +49,10 @@ class CloudInput:
         """Subscribe.
 
         Args:
-            values: What of a cloud is taken.
-            queue: Where scans wait.
+            values: Which points of a cloud are used.
+            queue: The queue of scans.
             transforms: Where frames are looked up.
-            base_frame: Returns the robot's frame.
+            base_frame: Returns the frame of the robot's base.
         """
         self._values, self._queue, self._transforms, self._base_frame = values, queue, transforms, base_frame
         self._subscriber = rospy.Subscriber(
@@ -66,13 +68,13 @@ class CloudInput:
 def scan_of_cloud(
     message: PointCloud2, values: CloudParameters, transforms: Transforms, base_frame: str
 ) -> CloudScan:
-    """Return what a cloud has for localization.
+    """Convert a cloud to a scan.
 
     Args:
-        message: The cloud, in the frame of a sensor that rides on the robot.
-        values: What of it is taken.
+        message: The cloud, in the frame of a sensor on the robot.
+        values: Which of its points are used.
         transforms: Where frames are looked up.
-        base_frame: The robot's.
+        base_frame: Frame of the robot's base.
 
     Raises:
         InvalidMessage: The cloud cannot be read.
@@ -82,7 +84,7 @@ def scan_of_cloud(
     points = cloud_points(message)
     stamp, frame = message.header.stamp.to_sec(), message.header.frame_id
     rotation, place = rigid(placed_when(stamp, frame, base_frame, transforms)[0])
-    with np.errstate(invalid="ignore", over="ignore"):  # rows that are no numbers; they are left out
+    with np.errstate(invalid="ignore", over="ignore"):  # rows with NaN or infinity, which are left out
         in_base = points @ rotation.T + place
         scan = scan_of_points(in_base, place, values, stamp, frame)
     return CloudScan(message.header, scan, Pose2D(float(place[0]), float(place[1]), 0.0))

@@ -1,5 +1,4 @@
-"""What the amcl node says of its health: deviations and scans among the diagnostics, and warnings where no scan comes.
-"""
+"""Diagnostics of amcl: standard deviations and scans, and warnings where no scans come."""
 
 from __future__ import annotations
 
@@ -21,12 +20,12 @@ from mbf_relay.ros.common.message_queue import MessageQueue
 from mbf_relay.ros.common.transforms import Transforms
 
 SILENCE = 15.0
-"""Wall seconds without a scan that are worth a warning, and from one warning to the next."""
+"""Wall seconds without a scan until a warning, and between two warnings."""
 LATE = 2.0
-"""Seconds without a scan, and three of its periods, after which that is an error."""
+"""Shortest time (s) without a scan that the diagnostics call an error; three scan periods if that is longer."""
 MISDATED = 0.15
-"""Seconds by which scans may be dated otherwise than odometry before that is worth a warning: a scan that takes 0.2 s
-and is dated at its end is 0.1 s late, and localization is hardly the worse for it."""
+"""Offset (s) between the stamps of scans and odometry from which on there is a warning. A scan that takes 0.2 s and is
+stamped at its end is 0.1 s late, which hardly affects localization."""
 
 
 def deviation_report(
@@ -66,7 +65,7 @@ def stands_in_the_world(transforms: Transforms, values: AmclParameters, message:
 
 
 def misdated(frame: str, late: float) -> str:
-    """Return what is to be said of a lidar whose scans are dated so many seconds late, or early where negative."""
+    """Return the warning about a lidar whose scans are stamped `late` seconds late, or early if negative."""
     when = "later" if late > 0.0 else "earlier"
     return (
         f"scans of {shown(frame)} are dated {abs(late):.2f} s {when} than odometry, as both turn; that is set right "
@@ -75,31 +74,31 @@ def misdated(frame: str, late: float) -> str:
 
 
 def misdated_lidars(timings: LidarTimings) -> List[Tuple[str, float]]:
-    """Return the frames of lidars dated otherwise than odometry by MISDATED or more, and by how many seconds."""
+    """Return the frames and offsets (s) of the lidars whose stamps differ from odometry's by MISDATED or more."""
     late = [(frame, timing.late or 0.0) for frame, timing in sorted(timings.all().items())]
     return [each for each in late if abs(each[1]) >= MISDATED]
 
 
 class ScanWatch:
-    """Knows when scans could be used; warns where none could for long, and tells what is missing."""
+    """Watches whether scans are used; warns where none are for long, with what is missing."""
 
     def __init__(self) -> None:
         self._last = time.monotonic()
         self._scans = diagnostics.RateMeter()
-        self._warned_of: Set[str] = set()  # lidars that are dated otherwise, by frame; once
-        self._jumps = 0  # of odometry that were told
-        self._searched = 1.0  # share that was told
+        self._warned_of: Set[str] = set()  # frames of lidars whose stamps were warned of
+        self._jumps = 0  # number of odometry's jumps warned of
+        self._searched = 1.0  # share last warned of
 
     def saw(self, now: float) -> None:
-        """Note that a scan came through at `now` (s, ROS time)."""
+        """Record that a scan is processed at `now` (s, ROS time)."""
         self._scans.tick(now)
 
     def worked(self) -> None:
-        """Note that all scans that came through are done with: what came meanwhile has waited for these alone."""
+        """Record that a scan has been processed; scans that came meanwhile waited only for that."""
         self._last = time.monotonic()
 
     def warn_of_jumps(self, jumps: int, odom_pose: Pose2D) -> None:
-        """Say where odometry has begun anew at `odom_pose`, once for each of its jumps so far."""
+        """Warn, once per jump, that odometry has started over at `odom_pose`; `jumps` is their number so far."""
         if jumps > self._jumps:
             rospy.logwarn(
                 "odometry has jumped to x %.2f, y %.2f, yaw %.2f, farther than the robot can have driven since the "
@@ -108,7 +107,7 @@ class ScanWatch:
         self._jumps = jumps
 
     def warn_of_search(self, searched: float) -> None:
-        """Say where a search all over the map could look at no more than a share, 0 to 1, of what may hold a place."""
+        """Warn if a search of the whole map could only examine a share, 0 to 1, of the candidate places."""
         if searched < 1.0 and searched != self._searched:
             rospy.logwarn(
                 "too much of the map looks like the scan to search it all: %.1f %% was looked at, and the robot may be "
@@ -117,7 +116,7 @@ class ScanWatch:
         self._searched = searched
 
     def warn_of_dates(self, timings: LidarTimings) -> None:
-        """Say of each lidar that is dated otherwise than odometry that it is, once."""
+        """Warn, once per lidar, of stamps that differ from odometry's."""
         for frame, late in misdated_lidars(timings):
             if frame not in self._warned_of:
                 self._warned_of.add(frame)
@@ -161,11 +160,11 @@ class ScanWatch:
         return diagnostics.OK, "scans are used", values
 
     def look(self, queue: MessageQueue, why: Callable[[AnyScan], str]) -> None:
-        """Warn where it is time to; call it often.
+        """Warn if no scan was processed for SILENCE; call it often.
 
         Args:
-            queue: Of scans that wait.
-            why: Tells what one of them waits for.
+            queue: The queue of waiting scans.
+            why: Returns what a scan waits for.
         """
         silence = time.monotonic() - self._last
         if silence < SILENCE:

@@ -1,4 +1,4 @@
-"""Initial poses out of messages: in the right frame, finite, and moved by what odometry has seen since their stamp."""
+"""Conversion of initial poses: frame and numbers are checked, and odometry's motion since the stamp is added."""
 
 from __future__ import annotations
 
@@ -28,8 +28,8 @@ def initial_pose_from_message(message: PoseWithCovarianceStamped, motion: Pose2D
     """Return the pose the robot has now, and the covariance, shape (3, 3).
 
     Args:
-        message: Where the robot was.
-        motion: Of the base since then.
+        message: The robot's pose at the message's stamp.
+        motion: Motion of the base since then, in its frame at that time.
 
     Raises:
         InvalidMessage: The pose is not finite.
@@ -40,9 +40,10 @@ def initial_pose_from_message(message: PoseWithCovarianceStamped, motion: Pose2D
 
 
 def motion_since(stamp: rospy.Time, transforms: Transforms, odom_frame: str, base_frame: str) -> Pose2D:
-    """Return the base's motion from `stamp` to now; none, with a warning, where odometry does not reach back so far.
+    """Return the base's motion from `stamp` to now, in its frame at `stamp`.
 
-    A stamp ahead of odometry, as RViz gives it, is now.
+    It is the identity for a stamp of zero or newer than odometry, as from RViz, without odometry, and, with a warning,
+    where odometry does not reach back to the stamp.
     """
     try:
         newest = transforms.lookup_message(odom_frame, base_frame)

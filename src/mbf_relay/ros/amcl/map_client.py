@@ -1,4 +1,4 @@
-"""The map by service, asked for until it comes."""
+"""Client of the service static_map, called until it returns a usable map."""
 
 from __future__ import annotations
 
@@ -17,12 +17,13 @@ from mbf_relay.ros.common.quick_map_services import QuickGetMap
 from mbf_relay.ros.common.throttled_warnings import ThrottledWarnings
 
 AGAIN_AFTER = 0.5
+"""Wall time (s) from a failed call to the next."""
 FIRST_LOOKS = (0.01, 0.02, 0.04, 0.08, 0.15, 0.3)
-"""Wall time (s) between looks for a map_server that starts together with whoever asks; rospy looks every 0.3 s."""
+"""Wall times (s) between the first checks for the service, as map_server may be starting; rospy checks every 0.3 s."""
 
 
 def warn_of_frame(message: OccupancyGrid, frame: str) -> None:
-    """Warn of a map that says it lies in another frame than the one it is taken to lie in."""
+    """Warn of a map whose header names another frame than global_frame_id, in which it is used."""
     said = message.header.frame_id.lstrip("/")
     if said != frame:
         rospy.logwarn(
@@ -31,10 +32,10 @@ def warn_of_frame(message: OccupancyGrid, frame: str) -> None:
 
 
 def request_map(frame: str) -> OccupancyMap:
-    """Return what `static_map` serves, once it serves a map that can be localized on.
+    """Return the map of the service static_map, once there is one that can be used for localization.
 
     Args:
-        frame: Where it is taken to lie.
+        frame: Frame in which it is used.
 
     Raises:
         rospy.ROSInterruptException: The node shuts down.
@@ -58,7 +59,7 @@ def request_map(frame: str) -> OccupancyMap:
 
 
 def _look_for_service(name: str) -> None:
-    """Return once the master knows a service, or soon."""
+    """Return once the master knows a service, or after the sum of FIRST_LOOKS."""
     for pause in FIRST_LOOKS:
         with contextlib.suppress(OSError, xmlrpc.client.Error):  # no master: rospy waits for it
             if rospy.get_master().lookupService(name)[0] == 1:

@@ -1,4 +1,4 @@
-"""The transform map -> odom: dated ahead at every scan, and kept alive while scans pause."""
+"""The transform map -> odom: sent ahead of time at every scan, and repeated while no scans come."""
 
 from __future__ import annotations
 
@@ -12,20 +12,20 @@ from mbf_relay.geometry import Pose2D
 from mbf_relay.ros.common.transforms import TransformPublisher
 
 SHORTEST_LOOK, LONGEST_LOOK = 0.02, 0.1
-"""Wall time (s) between two looks at whether to send it on its own: until it is due, within these."""
+"""Bounds (wall s) of the time between two checks whether to repeat it."""
 SIMULATED_SHARE = 0.25
-"""Share of the time until it is due at which to look where time is simulated, and may run faster than the wall's."""
+"""Share of the time until it is due after which to check in simulated time, which may outrun the wall clock."""
 REMEMBERED = 50
-"""Stamps sent lately that are not used again."""
+"""Number of recent stamps that are not used again."""
 PAUSE = 0.3
-"""Time (s) without a scan from which the transform is sent on its own."""
+"""Time (s) without a scan after which the transform is repeated."""
 
 
 class MapToOdom:
-    """Sends map -> odom with a stamp so far ahead that odometry until the next scan can be related to the map.
+    """Sends map -> odom, stamped ahead of the scan by the tolerance, for lookups until the next scan.
 
-    A thread on the wall clock looks whether the newest stamp is about to fall behind ROS time and sends it on: a
-    rospy.Timer would die with a time that jumps back, and stand still with a clock that does.
+    A thread on the wall clock repeats it when the newest stamp is about to fall behind ROS time. A rospy.Timer would
+    end when time is set back, and stand still with the clock.
     """
 
     def __init__(self, publisher: TransformPublisher) -> None:
@@ -42,13 +42,13 @@ class MapToOdom:
         threading.Thread(target=self._keep_alive, name="map_to_odom", daemon=True).start()
 
     def close(self) -> None:
-        """Keep it alive no longer."""
+        """End the thread."""
         self._stop.set()
 
     def configure(self, parent: str, child: str, tolerance: float, enabled: bool) -> None:
-        """Take the names of map and odometry frame, how far to date ahead (s), and whether to send at all.
+        """Set the frames of map and odometry, the tolerance (s) to add to stamps, and whether to send at all.
 
-        Of another odometry frame nothing is known before the next scan.
+        After a change of the odometry frame, nothing is sent before the next scan.
         """
         with self._lock:
             if child != self._child:
@@ -56,7 +56,7 @@ class MapToOdom:
             self._parent, self._child, self._tolerance, self._enabled = parent, child, tolerance, enabled
 
     def update(self, map_from_odom: Pose2D, stamp: rospy.Time) -> None:
-        """Send the transform as of a scan's stamp, and as of now where the last one was kept alive beyond that."""
+        """Send the transform for a scan's stamp, and for now too if the last one was repeated with a newer stamp."""
         with self._lock:
             ahead, now = rospy.Duration(self._tolerance), rospy.get_rostime()
             self._map_from_odom, self._updated, self._taken_at = map_from_odom, stamp, now
@@ -72,7 +72,7 @@ class MapToOdom:
 
     def _send(self, stamp: rospy.Time) -> None:
         while stamp in self._stamps:
-            stamp += rospy.Duration(0, 1000)  # tf refuses two transforms of one stamp, and not only in a row
+            stamp += rospy.Duration(0, 1000)  # tf refuses a stamp that it has already
         if self._enabled and self._map_from_odom is not None:
             self._publisher.send(self._parent, self._child, self._map_from_odom, stamp)
             self._sent = stamp
@@ -85,10 +85,10 @@ class MapToOdom:
             wait = min(max(share * self.look(rospy.get_rostime()), SHORTEST_LOOK), LONGEST_LOOK)
 
     def look(self, now: rospy.Time) -> float:
-        """Send the transform on where no scan has for a while and its stamp is about to fall behind `now`.
+        """Repeat the transform if there was no scan for PAUSE and its stamp is about to fall behind `now`.
 
         Returns:
-            The time (s) until it would be due.
+            The time (s) until the next check is due.
         """
         with self._lock:
             ahead, pause = rospy.Duration(self._tolerance), rospy.Duration(PAUSE)

@@ -46,11 +46,11 @@ from mbf_relay.scan import LaserScan
 
 
 class AmclNode:
-    """Feeds the filter and tells what it finds.
+    """Feeds scans to the filter and publishes its estimates.
 
-    Threads: callbacks put scans into the queue; one worker takes them and runs the filter; services and topics for the
-    pose and the map change the filter. `_lock` is held for every use of the filter; while it is held the lock of
-    MapToOdom may be taken, never the other way round.
+    Threads: callbacks put scans into the queue; the main thread takes them and runs the filter; callbacks of services
+    and of the topics for pose and map change the filter. `_lock` is held for every use of the filter; while it is held
+    the lock of MapToOdom may be taken, never the other way round.
     """
 
     def __init__(self) -> None:
@@ -67,7 +67,7 @@ class AmclNode:
         self._pending_pose: Optional[PoseWithCovarianceStamped] = None
         self._odom_pose: Optional[Pose2D] = None
         self._odom_stamp = 0.0
-        self._kept: Optional[KeptPose] = None  # until the first scan tells how far the robot has got since
+        self._kept: Optional[KeptPose] = None  # saved pose, until the first scan
         self._covariance = np.diag([INITIAL["initial_cov_xx"], INITIAL["initial_cov_yy"], INITIAL["initial_cov_aa"]])
         self._saved_pose = SavedPose()
         self._scan_watch = ScanWatch()
@@ -85,7 +85,7 @@ class AmclNode:
         self._start_anywhere = convert("start_anywhere", values.get("start_anywhere", False), bool)
 
     def open(self) -> None:
-        """Get the map and offer everything the node has."""
+        """Get the map; advertise and subscribe to all topics and services but the scans."""
         self._subscribers = [
             rospy.Subscriber("initialpose", PoseWithCovarianceStamped, self._take_initial_pose, queue_size=2)]
         if self._parameters.use_map_topic:
@@ -152,14 +152,14 @@ class AmclNode:
             rospy.logwarn("map refused: %s", error)
 
     def _saved_start(self) -> Optional[SavedStart]:
-        """Return where to start on the first map, None where there is one; asks the master, so never under the lock."""
+        """Return where to start on the first map, None if there is one; may block: call it without the lock."""
         return self._saved_pose.load() if self._localizer is None else None
 
     def _use_map(self, occupancy: OccupancyMap, start: Optional[SavedStart], only_first: bool = False) -> bool:
         """Give the filter its first map, or another unless `only_first`; return whether it did. ValueError if unfit."""
         with self._lock:
             if self._localizer is None:
-                assert start is not None  # as it never goes away again
+                assert start is not None  # a filter, once made, stays
                 self._start_on(occupancy, start)
             elif only_first:
                 return False
@@ -170,7 +170,7 @@ class AmclNode:
         return True
 
     def _start_on(self, occupancy: OccupancyMap, start: SavedStart) -> None:
-        """Make the filter, at the pose of the parameters or at one that came before the map."""
+        """Make the filter, at the saved pose or at an initial pose that came before the map."""
         self._localizer = Localizer(self._parameters, occupancy, self._rng)
         self._configure_broadcast()
         pose, covariance, self._kept = start
@@ -186,7 +186,7 @@ class AmclNode:
             self._take_initial_pose(pending)
 
     def _set_map(self, request: SetMapRequest) -> SetMapResponse:
-        """Take a map and a pose on it: both, or none of them."""
+        """Take a map and an initial pose on it, or neither if one is invalid."""
         try:
             occupancy, (pose, covariance) = map_from_message(request.map), self._read_pose(request.initial_pose)
             check_initial_pose(pose, covariance, occupancy)
@@ -213,7 +213,7 @@ class AmclNode:
             rospy.logwarn("initial pose refused: %s", error)
 
     def _read_pose(self, message: PoseWithCovarianceStamped) -> Tuple[Pose2D, np.ndarray]:
-        """Return where a message says the robot is now, and how surely; ValueError where it cannot be used."""
+        """Return a message's pose, moved by odometry since its stamp, and covariance (3, 3); ValueError if invalid."""
         values = self._parameters
         check_frame(message, values.global_frame_id)
         motion = motion_since(message.header.stamp, self.transforms, values.odom_frame_id, values.base_frame_id)
@@ -243,7 +243,7 @@ class AmclNode:
                     rospy.logwarn("global_localization: %s", error)
 
     def _relocalize(self, _request: TriggerRequest) -> TriggerResponse:
-        """Start anew at the places the newest scan fits, and answer with them."""
+        """Start over at the places on the map where the newest scan fits, and answer with a list of them."""
         with self._lock:
             if self._localizer is None or self._newest_scan is None:
                 return TriggerResponse(False, "there is no map or no scan yet")
@@ -310,7 +310,7 @@ class AmclNode:
             map_from_odom, particles = self._localizer.map_from_odom, self._localizer.poses
             taken = stamp + rospy.Duration.from_sec(scan.stamp - stamp.to_sec())
             if map_from_odom is not None:
-                self._map_to_odom.update(map_from_odom, max(stamp, taken))  # dated early, it would be too old to use
+                self._map_to_odom.update(map_from_odom, max(stamp, taken))  # an earlier stamp would be too old
             if estimate is not None:
                 self._update_seconds = time.perf_counter() - began
                 self._covariance = estimate.covariance
@@ -324,7 +324,7 @@ class AmclNode:
             self._save_pose(self._saved_pose.save_soon)
 
     def _resume(self) -> None:
-        """Start where the robot has got since the last amcl saved its pose, by odometry; once, at the first scan."""
+        """Start, at the first scan, at the saved pose of a previous amcl, moved by odometry since then."""
         kept, self._kept = self._kept, None
         if kept is None:
             return
@@ -367,12 +367,12 @@ class AmclNode:
         return self._scan_watch.report(rospy.get_time(), has_map, match, waiting, self._timings)
 
     def _match(self) -> Optional[float]:
-        """Return how well the newest scan fits the map from the estimated pose; None where one is missing."""
+        """Return `_fit` of the newest scan at the estimated pose, None where one is missing."""
         pose = self.pose()
         return None if pose is None else self._fit(pose)
 
     def _fit(self, pose: Pose2D) -> Optional[float]:
-        """Return which share of the newest scan, 0 to 1, the map explains from a pose; None where there is none."""
+        """Return the share, 0 to 1, of the newest scan that lies on the map's walls at a pose; None without a scan."""
         if self._newest_scan is None:
             return None
         assert self._localizer is not None

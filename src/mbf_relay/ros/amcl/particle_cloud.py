@@ -1,4 +1,4 @@
-"""A PoseArray that is written from an array at once: thousands of pose objects would cost more than the filter."""
+"""A PoseArray that is serialized from an array, since thousands of pose objects would take longer than the filter."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The pose kept on the parameter server, with odometry's beside it, where a restarted amcl finds them."""
+"""The pose saved on the parameter server, with odometry's pose, for an amcl that is restarted."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ from mbf_relay.ros.common import parameters
 from mbf_relay.ros.common.impatient_proxy import NO_ANSWER
 
 SavedStart = Tuple[Pose2D, np.ndarray, Optional[KeptPose]]
-"""The pose to start at and its covariance, shape (3, 3), and the last amcl's own where they are that."""
+"""The pose to start at, its covariance, shape (3, 3), and the KeptPose if a previous amcl has saved that pose."""
 
 
 class SavedPose:
     """Reads and writes `~initial_pose_*`, `~initial_cov_*` and `~saved_odom`.
 
-    While the node runs a thread of its own writes. Were it the main thread, an interrupt in the middle of a call would
-    run the shutdown hooks on top of it, and theirs would wait for ever for the lock rospy holds during a call.
+    While the node runs, a thread of its own writes. In the main thread, an interrupt during a call to the master would
+    run the shutdown hooks within it, whose own call would wait for ever for a lock that rospy holds during calls.
     """
 
     def __init__(self) -> None:
@@ -35,10 +35,7 @@ class SavedPose:
 
     @staticmethod
     def load() -> SavedStart:
-        """Return the pose to start at and its covariance, shape (3, 3), and the last amcl's own where they are that.
-
-        A value that is no number is warned about.
-        """
+        """Return where to start, by the parameters; warn of values that are no finite numbers."""
         values = parameters.read_namespace("~")
         pose, covariance, refused = initial_pose_from(values)
         for name in refused:
@@ -46,14 +43,14 @@ class SavedPose:
         return pose, covariance, kept_pose_from(values.get(SAVED_ODOM), pose)
 
     def is_due(self, now: float, rate: float) -> bool:
-        """Tell, once a period, that it is time to save: ROS time in seconds, rate in Hz, never where not above 0."""
+        """Return True once per period at `now` (s, ROS time) for a rate in Hz; never for a rate of 0 or below."""
         if rate <= 0.0 or 0.0 <= now - self._saved_at < 1.0 / rate:
             return False
         self._saved_at = now
         return True
 
     def save_soon(self, kept: KeptPose, covariance: np.ndarray) -> None:
-        """Hand a pose and its covariance, shape (3, 3), to the thread that writes, in place of one that waits."""
+        """Have the thread save a pose and its covariance, shape (3, 3); it replaces one that is not written yet."""
         self._newest.append((kept, covariance))
         self._there.set()
 
@@ -66,7 +63,7 @@ class SavedPose:
 
     @staticmethod
     def save(kept: KeptPose, covariance: np.ndarray) -> None:
-        """Write a pose and its covariance, shape (3, 3), at once; quietly not, where the master cannot."""
+        """Write a pose and its covariance, shape (3, 3), now; failures are only logged at debug level."""
         try:
             for name, value in initial_pose_as_parameters(kept.pose, covariance).items():
                 rospy.set_param(f"~{name}", value)
