@@ -1,4 +1,4 @@
-"""What may hide where a lidar measured nothing: something nearer than it can measure, or a part of it that failed."""
+"""Possible obstacles where a lidar measured nothing: nearer than range_min, or before beams that failed."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from mbf_relay.scan_monitor import gaps
 
 
 def blind_points(scan: LaserScan, laser_in_base: Pose2D, width: float, outline: np.ndarray) -> np.ndarray:
-    """Return points for what may hide where neighbouring beams measured nothing, shape (N, 2) in the base frame.
+    """Return assumed obstacle points for runs of beams without a measurement, shape (N, 2) in metres in the base frame.
 
-    What is nearer than range_min reads like a beam that failed. Nothing tells how near it is, so each such beam
-    stands for something where it leaves the footprint.
+    An obstacle nearer than range_min looks like a failed beam, and its distance is unknown; so a point is assumed where
+    each such beam leaves the footprint.
 
     Args:
-        scan: As seen from above.
-        laser_in_base: Where the lidar sits.
-        width: From which angle (rad) on neighbouring beams count; 0 for never, but for those that read minus infinity.
+        scan: Scan with angles counterclockwise as seen from above.
+        laser_in_base: Pose of the lidar in the base frame.
+        width: Least angle (rad) of a run of neighbouring beams; 0 for none. Beams of minus infinity count always.
         outline: The footprint, shape (K, 2) in metres in the base frame.
     """
     blind = _in_long_runs(~scan.measured, width, scan) | np.isneginf(scan.ranges)
@@ -34,7 +34,7 @@ def blind_points(scan: LaserScan, laser_in_base: Pose2D, width: float, outline: 
 
 
 def _in_long_runs(flags: np.ndarray, width: float, scan: LaserScan) -> np.ndarray:
-    """Return which beams' flags stand in a run that is at least `width` (rad) wide; none where that is 0."""
+    """Return which beams belong to a run of flags at least `width` (rad) wide; none where that is 0."""
     increment, size, kept = abs(scan.angle_increment), len(flags), np.zeros_like(flags)
     if width <= 0.0:
         return kept
@@ -45,8 +45,7 @@ def _in_long_runs(flags: np.ndarray, width: float, scan: LaserScan) -> np.ndarra
 
 
 def _ways_out(origin: np.ndarray, beams: np.ndarray, outline: np.ndarray) -> np.ndarray:
-    """Return how far (m) each beam from `origin` goes until it has left an outline for good, 0 where it never meets it.
-    """
+    """Return the distance (m) from `origin` to where each beam last leaves an outline; 0 where it never crosses it."""
     edges = np.roll(outline, -1, axis=0) - outline
     to_corners = outline - origin
     slopes = beams[:, None, 0] * edges[:, 1] - beams[:, None, 1] * edges[:, 0]

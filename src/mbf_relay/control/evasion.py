@@ -1,4 +1,4 @@
-"""Evasion: the robot gives way to what moves towards it."""
+"""Evasion: the robot gives way to moving obstacles."""
 
 from __future__ import annotations
 
@@ -19,17 +19,17 @@ from mbf_relay.costmap.cost_grid import without_tracks
 from mbf_relay.costmap.footprint_checker import FootprintChecker
 from mbf_relay.geometry import STOP, Twist2D
 
-HEADINGS = 16  # ways out, all round
-DISTANCES = (0.6, 2.5, 5.0)  # robot's widths they lead away
-EFFORT = 0.02  # share of its time that driving costs: of ways out as good, the one with the least to turn and drive
-TURN_WORTH = 0.5  # robot's widths that a radian of turning counts as there
-TOLERANCE = 0.1  # s by which a way out must be better than what the robot is about to do
-FLEES = 0.02  # s less exposed than standing: from which on the robot flees
-SHARES = np.linspace(1.0, 0.0, 9)  # of a command, the rest braking, that are looked at; the last one only brakes
-LEAST_SPEED = 1e-3  # m/s that a robot is taken to drive at
+HEADINGS = 16  # directions of manoeuvres, all round
+DISTANCES = (0.6, 2.5, 5.0)  # lengths of manoeuvres, in robot's widths
+EFFORT = 0.02  # share of its duration that a manoeuvre costs: of equally good ones the shortest is taken
+TURN_WORTH = 0.5  # robot's widths of driving that a radian of turning counts as for that
+TOLERANCE = 0.1  # s by which a manoeuvre must be better than the controller's command
+FLEES = 0.02  # s of exposure less than standing from which on a manoeuvre counts as fleeing
+SHARES = np.linspace(1.0, 0.0, 9)  # blends of the command with braking that are tried; the last one only brakes
+LEAST_SPEED = 1e-3  # m/s: lower bound of top speeds in the simulation
 
 def _manoeuvres(width: float, backwards: bool, on_the_spot: bool) -> np.ndarray:
-    """Return what can be tried, shape (N, 3): turn, distance, and whether it turns first; the first one is to stand."""
+    """Return manoeuvres, shape (N, 3): turn (rad), distance (m), and whether it turns first; row 0 is to stand."""
     headings = (np.arange(HEADINGS) - HEADINGS // 2 + 1) * (2.0 * math.pi / HEADINGS)
     ways = [distance * width * sign for distance in DISTANCES for sign in ((1.0, -1.0) if backwards else (1.0,))]
     firsts = (1.0, 0.0) if on_the_spot else (0.0,)
@@ -38,16 +38,16 @@ def _manoeuvres(width: float, backwards: bool, on_the_spot: bool) -> np.ndarray:
 
 
 class Evasion:
-    """Looks for ways out: turn towards any side, on the spot or on the way, drive a little, forward or back, and stand.
+    """Searches evasive manoeuvres: turn to any direction, on the spot or while driving, drive a little, and stand.
 
-    Each way out is simulated for a moment, and so is the controller's command, kept or broken off. It costs every
-    second in somebody's way or in an obstacle, and the cost to go from the place it leads to. The cheapest is begun if
-    it is cheaper than the command; the next cycle decides anew.
+    Each is simulated for SpaceTimeCosts.moment, and so is the controller's command, held or stopped. The cost is the
+    time in contact with tracks and obstacles, and the cost to go from the place reached. The cheapest manoeuvre is
+    begun if it is cheaper than the command; the next cycle decides anew.
 
-    Left out are ways out from which the robot could not brake before a standing obstacle beyond that moment, or on
-    which it could run into somebody (standing still is never left out); and backward ones of a robot that does not look
-    there. Where nobody comes near any place it could be at, none is looked for. Obstacles marked where something moves
-    are ignored: it will have gone.
+    Manoeuvres are left out that begin with a command from which the robot could not brake before a static obstacle or
+    could run into somebody (standing still never is), and backward ones where the sensors do not look backwards.
+    Nothing is searched while no track comes near any place within reach. Cells marked by tracked obstacles are ignored,
+    because these will have moved on.
 
     Source: Petti, Fraichard, "Safe motion planning in dynamic environments" (2005), for a part of a way at a time;
     Bertsekas, Tsitsiklis, Wu, "Rollout algorithms for combinatorial optimization" (1997), for judging it.
@@ -57,15 +57,15 @@ class Evasion:
         self, parameters: FollowerParameters, foresight: Foresight, state: ControlState, limit: SpeedLimit,
         turning_radius: float, path: LocalPath,
     ) -> None:
-        """Get ready for one cycle.
+        """Prepare one cycle.
 
         Args:
-            parameters: Of the controller.
-            foresight: What moves.
-            state: The robot.
-            limit: Top speeds here; evading may use them even where the path is to be followed more slowly.
-            turning_radius: Least radius (m) of its curves.
-            path: Where it wants to go.
+            parameters: The controller's.
+            foresight: The predicted tracks.
+            state: The state of this cycle.
+            limit: Speed limit here; evading may use it where the path is followed more slowly.
+            turning_radius: Minimum turning radius (m); 0 for a robot that turns on the spot.
+            path: The path to follow.
         """
         self._parameters, self._foresight, self._state, self._pose = parameters, foresight, state, state.pose
         self._checker = FootprintChecker(without_tracks(state.costmap, state.now))
@@ -82,14 +82,15 @@ class Evasion:
         self._step = self._cost_to_go.moment / self._steps
 
     def command(self, velocity: Twist2D, wanted: Twist2D) -> Twist2D:
-        """Return the wanted command or the beginning of a way out, or as good a stop as there is.
+        """Return the wanted command, the beginning of a manoeuvre, or the best way to stop.
 
-        That is where the robot could not brake before it meets what moves, and would be met later where it stands, and
-        if it brakes to stand at all. It is held back by as much as it could run into somebody who turns on it.
+        It stops where the robot could not brake before a contact, and both braking and standing where it is are met no
+        sooner. Commands on which it could run into somebody who turns towards it are blended with braking until they
+        are safe.
 
         Args:
-            velocity: The robot's now.
-            wanted: What it would do.
+            velocity: Present velocity, body frame.
+            wanted: The controller's command.
         """
         window = window_of(self._parameters, velocity, self._state.period, self._speed, self._turn)
         command, flees = self._way_out(velocity, wanted, window)
@@ -107,9 +108,9 @@ class Evasion:
         return Twist2D(*held_back[int(np.argmin(runs_into))].tolist())
 
     def _way_out(self, velocity: Twist2D, wanted: Twist2D, window: VelocityWindow) -> Tuple[Twist2D, bool]:
-        """Return what to begin, and whether the robot flees by it from what will come to where it stands.
+        """Return the command to begin, and whether it flees from a track that will reach the robot where it stands.
 
-        Who flees may have to turn first, which is no better for the moment than to stand.
+        A fleeing robot may have to turn first, which at first is no better than to stand.
         """
         if self._cost_to_go.is_clear:
             return wanted, False
@@ -130,7 +131,7 @@ class Evasion:
         return Twist2D(*begun[best].tolist()), flees
 
     def _held(self, wanted: Twist2D) -> np.ndarray:
-        """Return where the wanted command leads if it is held, shape (1, S, 3)."""
+        """Return the poses of the wanted command held throughout, shape (1, S, 3)."""
         pose, times = self._pose, self._step * np.arange(1, self._steps + 1)
         headings = pose.theta + wanted.theta * (times - 0.5 * self._step)
         x = self._step * np.cumsum(wanted.x * np.cos(headings) - wanted.y * np.sin(headings))
@@ -138,7 +139,7 @@ class Evasion:
         return np.column_stack((pose.x + x, pose.y + y, pose.theta + wanted.theta * times))[None]
 
     def _driven(self, velocity: Twist2D, manoeuvres: np.ndarray) -> Tuple[np.ndarray, np.ndarray]:
-        """Return the poses of manoeuvres, shape (N, S, 3), and their first velocities, (N, 2)."""
+        """Return the poses of manoeuvres, shape (N, S, 3), and their first velocities (m/s, rad/s), (N, 2)."""
         p = self._parameters
         poses, first = np.empty((len(manoeuvres), self._steps, 3)), np.empty((len(manoeuvres), 2))
         evasion_kernels.roll_out(
@@ -149,7 +150,7 @@ class Evasion:
         return poses, first
 
     def _judged(self, poses: np.ndarray) -> Tuple[np.ndarray, np.ndarray]:
-        """Return what each row of poses, (N, S, 3), costs (s), and for how long (s) it is exposed, shapes (N,)."""
+        """Return the cost (s) and the time of contact (s) of each row of poses, (N, S, 3), shapes (N,)."""
         number = len(poses)
         free = self._checker.first_contacts(
             poses, np.full(number, self._steps), np.ones(number), self._pose).steps

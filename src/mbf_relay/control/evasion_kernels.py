@@ -1,5 +1,5 @@
 # mypy: allow-untyped-defs, allow-untyped-calls
-"""Compiled loop of evasion: the ways out of a place, driven within accelerations."""
+"""Compiled loop of evasion: simulation of manoeuvres within accelerations."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import math
 
 from mbf_relay.kernels import kernel
 
-TURNED = 0.1  # rad: a robot that is to turn on the spot first drives when no more is left
+TURNED = 0.1  # rad left of a turn on the spot from which on the robot drives
 
 
 @kernel(
@@ -17,18 +17,18 @@ TURNED = 0.1  # rad: a robot that is to turn on the spot first drives when no mo
 def roll_out(
     pose, velocity, manoeuvres, ahead, back, turn, radius, acceleration, turn_acceleration, period, poses, first
 ):
-    """Drive each manoeuvre: turn to a heading, on the spot or on the way, drive so far, and stand.
+    """Simulate each manoeuvre: turn to a heading, on the spot or while driving, drive a distance, and stand.
 
     Args:
         pose: x, y, heading.
         velocity: Forward (m/s) and rotational (rad/s).
-        manoeuvres: Shape (N, 3): turn (rad), distance (m, below 0 backwards), and above 0 where it turns first.
+        manoeuvres: Shape (N, 3): turn (rad), distance (m, below 0 backwards), and a flag above 0 to turn first.
         ahead, back, turn: Top speeds forward and backwards (m/s, both above 0), and of turns (rad/s).
-        radius: Least radius (m) of a curve.
+        radius: Minimum turning radius (m); 0 for a robot that turns on the spot.
         acceleration, turn_acceleration: Limits, m/s^2 and rad/s^2.
-        period: Seconds from pose to pose.
-        poses: Shape (N, S, 3): filled.
-        first: Shape (N, 2): filled with the velocities of the first period.
+        period: Time (s) between poses.
+        poses: Shape (N, S, 3): filled with the pose after each period.
+        first: Shape (N, 2): filled with the velocities (m/s, rad/s) of the first period.
     """
     for n in range(manoeuvres.shape[0]):
         x, y, theta = pose[0], pose[1], pose[2]

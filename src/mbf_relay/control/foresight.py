@@ -1,4 +1,4 @@
-"""Foresight: where what moves will be when the robot gets there."""
+"""Foresight: contacts of trajectories with tracked obstacles, predicted at constant velocity."""
 
 from __future__ import annotations
 
@@ -13,26 +13,26 @@ from mbf_relay.costmap.cost_grid import CostGrid
 from mbf_relay.geometry import Pose2D
 from mbf_relay.tracking.track import as_array
 
-SURENESS = 1.0  # deviations of its place by which a track counts as wider
-MOST_SPREAD = 0.05  # m by which it does so at most: what may be anywhere would otherwise be everywhere
-WAIT = 0.1  # s between looks at a robot that stands
-LEAST_CORNERS = 12  # of the polygon that stands for a round robot
-NEAR = 0.5  # robot's widths: what comes nearer than that is bad, too
-SPREADING = 1.0  # deviations of its place by which a track is near from farther away
-MOST_SPREADING = 1.0  # robot's widths by which it is at most
-MEMORY = 4.0  # s ahead after which what is foreseen counts by 1/e: few hold their course for longer
-NEARER = 0.002  # m from which on the robot has come nearer to somebody
-BETTER = 0.05  # s by which a meeting must come later to be a better one
+SURENESS = 1.0  # standard deviations of its position by which a track's radius is enlarged
+MOST_SPREAD = 0.05  # m: limit of that, since uncertain tracks would block everything
+WAIT = 0.1  # s between checks of a robot that stands at a trajectory's end
+LEAST_CORNERS = 12  # corners of the polygon used for a round robot
+NEAR = 0.5  # robot's widths of clearance below which nearness is charged, too
+SPREADING = 1.0  # standard deviations of a track's position added to that clearance
+MOST_SPREADING = 1.0  # robot's widths: limit of that
+MEMORY = 4.0  # s after which predictions count by 1/e: few people keep their course for longer
+NEARER = 0.002  # m by which the robot must approach a track to count as coming nearer
+BETTER = 0.05  # s by which a contact must come later than that of standing still to be better
 
 
 class Foresight:
-    """What is tracked, asked many times within a cycle.
+    """The tracks of one cycle, predicted, for checks of many trajectories.
 
-    A trajectory ends with the robot standing there, so that a place in somebody's way is no good end. What touches the
-    footprint as it stands, or may, counts as no wider than there is room: from it the robot may go away, not nearer.
+    After its last pose a trajectory is taken to stand there, so that places in somebody's way are no good ends. A track
+    that touches the footprint now is taken as no wider than its distance: the robot may move away from it, not nearer.
 
     Attributes:
-        is_blind: Whether nothing that moves is known, or nobody wants to hear of it: everything is free then.
+        is_blind: Whether there are no tracks, or the parameter `foresight` is off: everything is free then.
     """
 
     def __init__(self, costmap: CostGrid, pose: Pose2D, now: float, parameters: FollowerParameters) -> None:
@@ -56,14 +56,14 @@ class Foresight:
     def meetings(
         self, poses: np.ndarray, counts: np.ndarray, steps: np.ndarray, wider: float = 0.0, horizon: float = 0.0
     ) -> np.ndarray:
-        """Return when each trajectory first meets something, shape (N,) in seconds from now; infinite for never.
+        """Return the time (s) of each trajectory's first contact with a track, shape (N,); infinite for none.
 
         Args:
             poses: Shape (N, S, 3), float64, C-contiguous, in the costmap's frame.
             counts: Shape (N,), int64: poses of each trajectory.
-            steps: Shape (N,), float64: seconds from pose to pose.
-            wider: Metres by which tracks count as wider than they are.
-            horizon: Seconds to look ahead; `foresight_horizon` where that is longer.
+            steps: Shape (N,), float64: time (s) between poses.
+            wider: Metres added to the tracks' radii.
+            horizon: Prediction time (s); `foresight_horizon` where that is longer.
         """
         times = np.full(len(poses), math.inf)
         if not self.is_blind:
@@ -78,16 +78,16 @@ class Foresight:
         return times
 
     def runs_into(self, poses: np.ndarray, counts: np.ndarray, steps: np.ndarray) -> np.ndarray:
-        """Tell on which trajectories somebody could be touched by the robot that comes nearer to him, shape (N,).
+        """Return on which trajectories the robot could touch somebody while it approaches, bool of shape (N,).
 
-        Who walks away may stop or turn back, and it takes half a second to see that. So he may be wherever he gets at
-        the speed he has. By a robot that stands by then, or gives way, nobody is run into, whoever touches it.
+        A person may stop or turn back, which takes the tracker half a second to see. So each track may be anywhere it
+        gets at its present speed. A robot that stands by then, or moves away, does not count as running into anybody.
 
         Source: Macek, Vasquez Govea, Fraichard, Siegwart, "Towards safe vehicle navigation in dynamic urban scenarios"
         (2009), for passive safety: a robot that cannot keep others from touching it at least stands when they do.
 
         Args:
-            poses, counts, steps: As for `meetings`; till the robot stands.
+            poses, counts, steps: As for `meetings`, up to a stop.
         """
         found = np.zeros(len(poses), np.bool_)
         if not self.is_blind:
@@ -96,15 +96,15 @@ class Foresight:
 
     @property
     def outline(self) -> np.ndarray:
-        """The footprint, shape (C, 2); a polygon for a round robot, too."""
+        """The footprint, shape (C, 2) in metres in the base frame; a polygon for a round robot, too."""
         return self._outline
 
     def exposures(self, poses: np.ndarray, step: float) -> np.ndarray:
-        """Return for how long (s) each trajectory is touched or near to be, which counts less, shape (N,).
+        """Return the time (s) each trajectory is in contact with tracks, or near them with less weight, shape (N,).
 
         Args:
             poses: Shape (N, S, 3), float64, C-contiguous, in the costmap's frame.
-            step: Seconds from pose to pose.
+            step: Time (s) between poses.
         """
         sums = np.empty(len(poses))
         foresight_kernels.exposures(
@@ -113,24 +113,24 @@ class Foresight:
         return sums
 
     def lay(self, x: float, y: float, cell: float, layer: float, radius: float, dangers: np.ndarray) -> None:
-        """Tell how bad it is to be where and when; see foresight_kernels.lay for the arguments."""
+        """Fill a grid in space and time with the danger of contact; see foresight_kernels.lay for the arguments."""
         foresight_kernels.lay(
             self._tracks, x, y, cell, layer, radius, NEAR * self._width, SPREADING, MOST_SPREADING * self._width,
             MEMORY, dangers)
 
     def meeting_of_standing(self, pose: Pose2D) -> float:
-        """Return when the robot is met (s from now) if it stands where it is."""
+        """Return the time (s) of the first contact of a robot that stands at `pose`; infinite for none."""
         return float(self.meetings(np.array([[pose]], dtype=float), np.ones(1, np.int64), np.full(1, WAIT))[0])
 
     def costs(self, meetings: np.ndarray, stopping: np.ndarray, pose: Pose2D) -> np.ndarray:
-        """Return what meetings cost, shape (N,): 0 for none in sight to 1 for one now.
+        """Return the costs of contacts, shape (N,): from 0 for none within the horizon to 1 for one now.
 
-        Infinite where the robot could not stop before, unless it would be met no later where it stands.
+        Infinite where the robot could not stop before the contact, unless standing still is met sooner by BETTER.
 
         Args:
             meetings: Shape (N,), from `meetings`.
-            stopping: Shape (N,): seconds each needs to stop.
-            pose: The robot now.
+            stopping: Shape (N,): time (s) that each needs to stop.
+            pose: The robot's pose.
         """
         costs = np.maximum(0.0, 1.0 - meetings / self._horizon)
         late = (meetings <= stopping) & (meetings <= self.meeting_of_standing(pose) + BETTER)

@@ -1,5 +1,5 @@
 # mypy: allow-untyped-defs, allow-untyped-calls
-"""Compiled loops of foresight: when, where and for how long the robot on its way meets what is on its own."""
+"""Compiled loops of foresight: contacts of moving footprints with predicted tracks."""
 
 from __future__ import annotations
 
@@ -36,13 +36,13 @@ def distance_to_outline(outline, x, y):
 
 @kernel("float64(float64[:,::1], int64, float64)")
 def spread_of(tracks, k, time):
-    """Return the deviation (m) of a track's place after `time` (s); tracks: see tracking.track.as_array."""
+    """Return the standard deviation (m) of a track's position after `time` (s); tracks: see tracking.track.as_array."""
     return math.sqrt(max(0.0, tracks[k, 5] + time * (2.0 * tracks[k, 6] + time * tracks[k, 7])))
 
 
 @kernel("float64(float64, float64)")
 def _badness(off, near):
-    """Return how bad it is to be `off` (m) from something, where less than `near` (m) is near: 1 for a touch."""
+    """Return the danger at a clearance of `off` (m): 1 for contact, falling to 0 at `near` (m)."""
     return 1.0 if off <= 0.0 else (1.0 - off / near) ** 2
 
 
@@ -51,17 +51,17 @@ def _badness(off, near):
     "float64)"
 )
 def meets(outline, reach, tracks, rooms, time, x, y, theta, sureness, most_spread):
-    """Return whether the footprint at a pose touches any track where it will be at a time.
+    """Return whether the footprint at a pose touches any track at a time.
 
     Args:
         outline: Shape (C, 2): corners (m) in the base frame.
-        reach: Metres from the base to the farthest corner.
+        reach: Distance (m) from the base to the farthest corner.
         tracks: Shape (K, 8): see tracking.track.as_array.
-        rooms: Shape (K,): metres each has to the footprint as it stands; it counts as no wider than that.
-        time: Seconds from when the tracks hold.
-        x, y, theta: The base.
-        sureness: Deviations of its place by which a track counts as wider.
-        most_spread: Metres by which it does so at most.
+        rooms: Shape (K,): distance (m) of each track's centre from the present footprint, which limits its radius.
+        time: Time (s) after that of the tracks.
+        x, y, theta: Pose of the base (m, rad).
+        sureness: Standard deviations of its position by which a track's radius is enlarged.
+        most_spread: Limit (m) of that.
     """
     cos, sin = math.cos(theta), math.sin(theta)
     for k in range(tracks.shape[0]):
@@ -80,16 +80,16 @@ def meets(outline, reach, tracks, rooms, time, x, y, theta, sureness, most_sprea
     "float64, float64, float64[::1])"
 )
 def first_meetings(outline, tracks, rooms, poses, counts, steps, horizon, wait, sureness, most_spread, times):
-    """Find when each trajectory, and the robot standing at its end after it, first meets a track.
+    """Find the first contact of each trajectory, and of the robot standing at its end afterwards, with a track.
 
     Args:
         outline, tracks, rooms, sureness, most_spread: As for `meets`.
         poses: Shape (N, S, 3).
         counts: Shape (N,): poses of each trajectory.
         steps: Shape (N,): seconds from one pose to the next, and to the first.
-        horizon: Seconds after which nothing counts.
-        wait: Seconds from one look to the next while it stands.
-        times: Shape (N,): filled with seconds, infinite for no meeting.
+        horizon: Time (s) up to which contacts count.
+        wait: Time (s) between checks while it stands.
+        times: Shape (N,): filled with the time (s) of the contact, infinite for none.
     """
     reach = 0.0
     for corner in range(outline.shape[0]):
@@ -117,14 +117,14 @@ def first_meetings(outline, tracks, rooms, poses, counts, steps, horizon, wait, 
     "boolean[::1])"
 )
 def runs_into(outline, tracks, rooms, poses, counts, steps, nearer, found):
-    """Tell on which trajectories the robot comes nearer to something that could be there by then, wherever it turns.
+    """Find trajectories that approach a track and touch the disc it can reach by then; see Foresight.runs_into.
 
     Args:
-        outline, tracks, rooms: As for `meets`; what moves may go to any side, and no faster than now.
+        outline, tracks, rooms: As for `meets`; tracks may move in any direction at their present speed.
         poses: Shape (N, S, 3).
         counts: Shape (N,): poses of each trajectory.
         steps: Shape (N,): seconds from one pose to the next, and to the first.
-        nearer: Metres from which on it counts as coming nearer to where a track is now.
+        nearer: Decrease (m) of the distance to a track's present position that counts as approaching.
         found: Shape (N,): filled.
     """
     reach = 0.0
@@ -148,7 +148,7 @@ def runs_into(outline, tracks, rooms, poses, counts, steps, nearer, found):
 
 @kernel("void(float64[:,::1], float64[:,::1], float64, float64, float64, float64[::1])")
 def rooms_now(outline, tracks, x, y, theta, rooms):
-    """Find the distance from the footprint to the centre of each track, shape (K,); see `meets`."""
+    """Fill `rooms`, (K,), with the distance (m) from the footprint at a pose to the centre of each track."""
     cos, sin = math.cos(theta), math.sin(theta)
     for k in range(tracks.shape[0]):
         dx, dy = tracks[k, 0] - x, tracks[k, 1] - y
@@ -160,14 +160,14 @@ def rooms_now(outline, tracks, x, y, theta, rooms):
     "float64, float64[::1])"
 )
 def exposures(outline, tracks, rooms, poses, step, margin, spreading, most_spread, memory, sums):
-    """Find for how long each trajectory is touched, or near to be.
+    """Find the time that each trajectory is in contact with tracks, or near them.
 
     Args:
         outline, tracks, rooms: As for `meets`.
         poses: Shape (N, S, 3).
-        step: Seconds from pose to pose.
+        step: Time (s) between poses.
         margin, spreading, most_spread, memory: As for `lay`.
-        sums: Shape (N,): filled with seconds, those near counting less.
+        sums: Shape (N,): filled with time (s), weighted by danger and age.
     """
     reach = 0.0
     for corner in range(outline.shape[0]):
@@ -197,19 +197,19 @@ def exposures(outline, tracks, rooms, poses, step, margin, spreading, most_sprea
     "float64[:,:,::1])"
 )
 def lay(tracks, x, y, cell, layer, radius, margin, spreading, most_spread, memory, dangers):
-    """Tell how bad it is to be in a cell while things pass: 1 where they touch, less where they come near, else 0.
+    """Fill a grid in space and time with danger: 1 for contact with a track, less near one, else 0.
 
     Args:
         tracks: As for `meets`.
         x, y: Centre of the grid (m).
-        cell: Metres.
-        layer: Seconds from layer to layer; each lasts from half of that before to half after.
-        radius: Of the robot, taken for a disc (m).
-        margin: Metres within which something comes near.
-        spreading: Deviations of its place by which that is wider.
-        most_spread: Metres by which it is at most.
-        memory: Seconds after which what is foreseen counts by 1/e.
-        dangers: Shape (T, n, n), n odd, rows along y: filled, the first one with what is there after one layer.
+        cell: Cell size (m).
+        layer: Time (s) between layers; each stands for half of that before and after it.
+        radius: Radius (m) of the robot, taken as a disc.
+        margin: Clearance (m) below which there is danger.
+        spreading: Standard deviations of a track's position added to that.
+        most_spread: Limit (m) of the addition.
+        memory: Time (s) after which predictions count by 1/e.
+        dangers: Shape (T, n, n), n odd, rows along y: filled, the first layer with the danger after one `layer`.
     """
     layers, side = dangers.shape[0], dangers.shape[1]
     half = side // 2

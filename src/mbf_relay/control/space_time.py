@@ -1,4 +1,4 @@
-"""The cost to go: how good a place is to be at in a moment, for a robot that finds its way on among what moves."""
+"""The cost to go of places at a time shortly ahead, among moving obstacles, by dynamic programming."""
 
 from __future__ import annotations
 
@@ -12,41 +12,41 @@ from mbf_relay.control.local_path import LocalPath
 from mbf_relay.costmap.footprint_checker import FootprintChecker
 from mbf_relay.geometry import Pose2D
 
-LAYER = 0.75  # s from one layer of the grid to the next at most; less where the robot drives its width in less
-LAYERS = 8
-FIRST = 2  # layers until the moment that places are judged at: till then somebody else says what the robot does
-REACH = 2  # cells that the robot drives from layer to layer at its top speed
-PRICE = 20.0  # what a second in somebody's way costs, in seconds of driving
-BLOCKED = 10.0  # what a second in an obstacle does; finite, for the robot may stand in what seems to be one
-STROKE = 0.02  # what a second of driving costs besides: where all is alike, the robot stands
+LAYER = 0.75  # s between layers of the grid, less where the robot drives its width in less
+LAYERS = 8  # layers of the grid
+FIRST = 2  # layers from now to the moment at which places are judged; until then Evasion simulates the robot
+REACH = 2  # cells that the robot drives between two layers at its top speed
+PRICE = 20.0  # cost of a second of contact with a track, in seconds of driving
+BLOCKED = 10.0  # cost of a second in an obstacle; finite, because the robot may stand in a wrongly marked one
+STROKE = 0.02  # further cost of a second of driving, by which the robot stands where all else is equal
 
 
 class SpaceTimeCosts:
-    """Values of a grid in space and time, from a moment on, by dynamic programming.
+    """Cost to go over a grid in space and time, by dynamic programming backwards in time.
 
-    In each layer of time the robot, taken for a disc that goes any way it likes, stands or drives at up to its top
-    speed. It pays for being near what moves, and in the end for what is left of its path. So a place counts for what
-    can be made of it: one without a way out is as bad as what will happen there, and one where somebody can be let past
-    is good. Costs are in seconds of driving.
+    Between layers of time the robot, taken as a disc that moves in any direction, stands or drives at up to its top
+    speed. It pays for being near tracks, and at the end for the path left. So a place counts by the best that is
+    possible from it: one without a way out costs what will happen there, one where somebody can pass costs little.
+    Costs are in seconds of driving.
 
-    Source: Fraichard, Asama, "Inevitable collision states: a step towards safer robots?" (2004), for what a place is
-    worth; Silver, "Cooperative pathfinding" (2005), for a window of space and time.
+    Source: Fraichard, Asama, "Inevitable collision states: a step towards safer robots?" (2004), for the value of
+    places; Silver, "Cooperative pathfinding" (2005), for the window of space and time.
 
     Attributes:
-        moment: Seconds from now at which places are judged.
-        is_clear: Whether nobody comes near any place at which the robot can be by then, till the last layer.
+        moment: Time (s) from now at which places are judged.
+        is_clear: Whether up to the last layer no track comes near any place that the robot can reach by then.
     """
 
     def __init__(
         self, foresight: Foresight, checker: FootprintChecker, pose: Pose2D, path: LocalPath, speed: float
     ) -> None:
-        """Look ahead.
+        """Compute the costs.
 
         Args:
-            foresight: What moves.
-            checker: What stands.
-            pose: The robot now.
-            path: Where it wants to go.
+            foresight: The predicted tracks.
+            checker: The static obstacles.
+            pose: The robot's present pose.
+            path: The path to follow.
             speed: Top speed (m/s), above zero.
         """
         width, outline = checker.costmap.width, foresight.outline
@@ -62,7 +62,7 @@ class SpaceTimeCosts:
         places = self._cell * np.arange(-self._half, self._half + 1)
         points = np.column_stack((np.tile(self._x + places, side), np.repeat(self._y + places, side)))
         dangers = np.empty((LAYERS, side, side))
-        radius = 0.5 * (0.5 * width + math.hypot(0.5 * (front - back), 0.5 * width))  # between its inner and outer one
+        radius = 0.5 * (0.5 * width + math.hypot(0.5 * (front - back), 0.5 * width))  # mean of inner and outer
         foresight.lay(self._x, self._y, self._cell, layer, radius, dangers)
         self.is_clear = not any(
             layer[self._half - reach : self._half + reach + 1, self._half - reach : self._half + reach + 1].any()
@@ -75,10 +75,10 @@ class SpaceTimeCosts:
             dangers, standing, left, PRICE * layer, STROKE * layer / REACH, FIRST - 1, REACH, self._costs)
 
     def at(self, poses: np.ndarray) -> np.ndarray:
-        """Return the cost from each pose on, shape (N, 3), at the moment: between cells by bilinear interpolation."""
+        """Return the cost to go (s) from poses (N, 3) at `moment`, shape (N,), by bilinear interpolation."""
         x, y, theta = np.ascontiguousarray(poses.T)
         x, y = x + self._ahead * np.cos(theta) - self._x, y + self._ahead * np.sin(theta) - self._y
-        farthest = REACH * FIRST + 1.0  # cells; it is at most as far away, give or take what it was faster before
+        farthest = REACH * FIRST + 1.0  # cells: the reach till then, and one
         across, up = (self._half + np.clip(off / self._cell, -farthest, farthest) for off in (x, y))
         column, row = across.astype(int), up.astype(int)
         a, b, costs = across - column, up - row, self._costs
@@ -90,9 +90,9 @@ class SpaceTimeCosts:
 
 
 def _left(path: LocalPath, points: np.ndarray, spacing: float) -> np.ndarray:
-    """Return how far (m) it is from points, (M, 2), to the path and along it to the goal, shape (M,).
+    """Return the distance (m) from points, (M, 2), to the path and on along it to the goal, shape (M,).
 
-    The path is thinned to about `spacing` (m).
+    The path is thinned to a spacing of about `spacing` (m).
     """
     length = max(1e-9, float(path.arcs[-1] - path.arcs[0]))
     every = max(1, int(spacing * (len(path.arcs) - 1) / length))
@@ -104,7 +104,7 @@ def _left(path: LocalPath, points: np.ndarray, spacing: float) -> np.ndarray:
 
 
 def _is_blocked(checker: FootprintChecker, points: np.ndarray) -> np.ndarray:
-    """Return at which points, (M, 2), the robot would stand in an obstacle, shape (M,); what is not known is free."""
+    """Return at which points, (M, 2), the robot's sides touch an obstacle, bool (M,); outside the costmap: free."""
     grid = checker.costmap.grid
     columns, rows = (points[:, 0] - grid.origin_x) / grid.resolution, (points[:, 1] - grid.origin_y) / grid.resolution
     is_known = (columns >= 0.0) & (columns < grid.width) & (rows >= 0.0) & (rows < grid.height)

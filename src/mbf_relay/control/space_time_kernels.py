@@ -1,5 +1,5 @@
 # mypy: allow-untyped-defs, allow-untyped-calls
-"""Compiled loops of the cost to go: the best way through space and time."""
+"""Compiled loop of the cost to go in space and time."""
 
 from __future__ import annotations
 
@@ -12,17 +12,17 @@ from mbf_relay.kernels import kernel
 
 @kernel("void(float64[:,:,::1], float64[:,::1], float64[:,::1], float64, float64, int64, int64, float64[:,::1])")
 def look_back(dangers, standing, end, price, stroke, first, steps, costs):
-    """Find what the best way from each cell on costs, beginning at a layer: dynamic programming from the last one back.
+    """Find the cost of the best way on from each cell at a layer, by dynamic programming from the last layer back.
 
     Args:
         dangers: Shape (T, n, n), n odd: see foresight_kernels.lay.
-        standing: Shape (n, n): what each cell costs per layer however nobody passes.
-        end: Shape (n, n): what it costs to be in each cell in the end.
-        price: What a danger of 1 costs per layer.
-        stroke: What driving a cell costs.
-        first: Layer to begin at, counted from 0.
-        steps: Cells it drives from one layer to the next at most.
-        costs: Shape (n, n): filled; infinite where the robot cannot be in that layer, farther out than a step beyond.
+        standing: Shape (n, n): cost of each cell per layer, by static obstacles.
+        end: Shape (n, n): cost of being in each cell after the last layer.
+        price: Cost of a danger of 1 per layer.
+        stroke: Cost of driving one cell.
+        first: Index of the layer to begin at.
+        steps: Cells that the robot drives between two layers at most.
+        costs: Shape (n, n): filled; infinite one step beyond the cells that the robot can reach by that layer.
     """
     layers, side = dangers.shape[0], dangers.shape[1]
     half = side // 2

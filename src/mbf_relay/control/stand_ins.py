@@ -1,4 +1,4 @@
-"""Controllers that take the place of planners of other packages, by their limits and tolerances."""
+"""Controllers that replace local planners of other packages, using their limits and tolerances."""
 
 from __future__ import annotations
 
@@ -16,20 +16,20 @@ from mbf_relay.control.translated import TranslatedController
 from mbf_relay.parameters import ParameterSet, convert, parameter
 
 TURNS_A_SECOND = 5.0
-"""Goal tolerances that the slowest turn may pass in a second: a cycle must not carry the robot past its goal."""
+"""Highest min_vel_theta in yaw tolerances per second: a faster turn could overshoot the heading within a cycle."""
 
 
 class _StandInParameters(ParameterSet):
-    """Parameters of a stand-in: what else stands in the group, it says at once that it has no use for."""
+    """Parameters of a stand-in. All others of the planner are covered by the one line `stands_in`."""
 
     @classmethod
     def unknown_names(cls, values: Mapping[str, Any]) -> List[str]:
-        """Return nothing; see `stands_in` of the controllers."""
+        """Return nothing: `stands_in` of the controllers says so of all."""
         return []
 
     @classmethod
     def deprecated_names(cls, values: Mapping[str, Any]) -> Dict[str, str]:
-        """Return nothing: where several planners are stood in for, each has names of its own, none of them old."""
+        """Return nothing: aliases here are names of other planners, not old ones."""
         return {}
 
 
@@ -62,13 +62,13 @@ class TebParameters(_StandInParameters):
     odom_topic: str = parameter("", "topic of odometry, if the server's own odom_topic is not given; read at start")
 
     def check(self) -> None:
-        """Raise ValueError for a car that could not be steered."""
+        """Raise ValueError for steering angles without a wheelbase."""
         if self.cmd_angle_instead_rotvel and self.wheelbase == 0.0:
             raise ValueError("wheelbase is 0.0 m; cmd_angle_instead_rotvel needs the car's, for steering angles")
 
 
 class TebStandIn(TranslatedController):
-    """Drives by the dynamic window approach where teb_local_planner is asked for, and a car by MPPI."""
+    """Replaces teb_local_planner by DWA, for a car by MPPI."""
 
     Parameters: ClassVar[Type[ParameterSet]] = TebParameters
     parameters: TebParameters
@@ -85,12 +85,12 @@ class TebStandIn(TranslatedController):
             self.steering = Steering(p.wheelbase, p.min_turning_radius)
 
     def of_teb(self, parameters: Any) -> TebParameters:
-        """Return the parameters by teb_local_planner's names; for overriding."""
+        """Return the parameters by teb_local_planner's names; subclasses override it."""
         teb: TebParameters = parameters
         return teb
 
     def translate(self, parameters: Any, resolution: float) -> Tuple[Type[PathFollower], Any]:
-        """Return the controller that can drive such a robot, and its parameters for it."""
+        """Return the class of controller for this kind of robot, and its parameters."""
         p = self.of_teb(parameters)
         if p.min_turning_radius > 0.0:
             return MppiController, _of_a_car(p)
@@ -134,7 +134,7 @@ class EBandParameters(_StandInParameters):
 
 
 class EBandStandIn(TranslatedController):
-    """Drives by the dynamic window approach where eband_local_planner or pose_follower is asked for."""
+    """Replaces eband_local_planner and pose_follower by DWA."""
 
     Parameters = EBandParameters
     parameters: EBandParameters
@@ -191,7 +191,7 @@ class NeoParameters(DwbParameters):
 
 
 class DwbStandIn(TranslatedController):
-    """Drives by the dynamic window approach where DWB is asked for."""
+    """Replaces DWB by DWA."""
 
     Parameters = DwbParameters
     stands_in = EBandStandIn.stands_in
@@ -211,13 +211,13 @@ class DwbStandIn(TranslatedController):
 
 
 class NeoStandIn(DwbStandIn):
-    """Drives by the dynamic window approach where neo_local_planner is asked for."""
+    """Replaces neo_local_planner by DWA."""
 
     Parameters = NeoParameters
 
 
 STEERED = ("simple_car", "kinematic_bicycle_vel_input")
-"""mpc_local_planner's robots whose drivers take the steering angle (rad) in the place of a rotational velocity."""
+"""mpc_local_planner's types of robots that are commanded with a steering angle (rad)."""
 
 
 @dataclass(frozen=True)
@@ -233,23 +233,23 @@ class MpcParameters(_StandInParameters):
     odom_topic: str = parameter("", "topic of odometry, if the server's own odom_topic is not given; read at start")
 
     def check(self) -> None:
-        """Raise ValueError for what cannot be driven."""
+        """Raise ValueError for an unknown type of robot, or one that cannot be steered."""
         self.as_teb()
 
     def read_as(self) -> List[str]:
-        """Return what became of limits that are out of range."""
+        """Return notes on limits that were out of range."""
         return TebParameters.read(self._flat())[1]
 
     def as_teb(self) -> TebParameters:
-        """Return what teb_local_planner is told of the same robot.
+        """Return teb_local_planner's parameters for the same robot.
 
         Raises:
-            ValueError: The robot is of a type that is not there, or cannot be steered.
+            ValueError: The type of robot is unknown, or the car cannot be steered.
         """
         return TebParameters.read(self._flat())[0]
 
     def _flat(self) -> Dict[str, Any]:
-        """Return TebParameters' names and values; a limit of 0 on an acceleration is none in mpc_local_planner."""
+        """Return values by TebParameters' names; accelerations of 0, unlimited upstream, become defaults."""
         robot, controller = _group("robot", self.robot), _group("controller", self.controller)
         kind = robot.get("type", "unicycle")
         if kind not in ("unicycle", *STEERED):
@@ -265,14 +265,14 @@ class MpcParameters(_StandInParameters):
 
 
 def _group(name: str, values: Any) -> Mapping[str, Any]:
-    """Return a group; ValueError where it is none."""
+    """Return a group of parameters; raise ValueError if `values` is none."""
     if not isinstance(values, Mapping):
         raise ValueError(f"parameter {name} is {values!r}; it must be a group of parameters")
     return values
 
 
 def _steered(model: Mapping[str, Any], kind: str) -> Dict[str, Any]:
-    """Return what TebParameters has of a car that is told its steering angle."""
+    """Return TebParameters' values of a car that is commanded with a steering angle."""
     names = {"length_rear": 1.0, "length_front": 1.0} if kind == "kinematic_bicycle_vel_input" else {"wheelbase": 0.5}
     wheelbase = sum(float(convert(name, model.get(name, usual), float)) for name, usual in names.items())
     angle = float(convert("max_steering_angle", model.get("max_steering_angle", 1.5), float))
@@ -285,17 +285,17 @@ def _steered(model: Mapping[str, Any], kind: str) -> Dict[str, Any]:
 
 
 class MpcStandIn(TebStandIn):
-    """Drives as where teb_local_planner is asked for, but by mpc_local_planner's parameters."""
+    """Replaces mpc_local_planner as TebStandIn does teb_local_planner."""
 
     Parameters = MpcParameters
 
     def of_teb(self, parameters: MpcParameters) -> TebParameters:
-        """Return them by teb_local_planner's names."""
+        """Return the parameters by teb_local_planner's names."""
         return parameters.as_teb()
 
 
 def _of_a_car(p: TebParameters) -> MppiParameters:
-    """Return MPPI's parameters for a car; it looks as far ahead as the way to brake and one turning radius need."""
+    """Return MPPI's parameters for a car; the horizon covers braking and then a turning radius at top speed."""
     ahead = p.max_vel_x / p.acc_lim_x + p.min_turning_radius / p.max_vel_x
     turn = min(p.max_vel_theta, p.max_vel_x / p.min_turning_radius)
     return MppiParameters(
@@ -309,8 +309,7 @@ def _of_a_car(p: TebParameters) -> MppiParameters:
 
 
 def _usual(**limits: Any) -> DwaParameters:
-    """Return DWA's parameters with the weights of the tutorials' robots, which their authors tuned, and these limits.
-    """
+    """Return DWA's parameters with these limits, and the weights and samples of the tutorials' robots."""
     values = dict(
         min_vel_trans=min(0.1, limits["max_vel_trans"]), min_vel_theta=min(0.2, limits["max_vel_theta"]), vx_samples=12,
         vy_samples=5 if limits["max_vel_y"] else 0, vth_samples=30, path_distance_bias=32.0, goal_distance_bias=20.0,

@@ -12,21 +12,17 @@ from mbf_relay.control.trajectory_planner_parameters import TrajectoryPlannerPar
 from mbf_relay.control.translated import TranslatedController
 
 FORWARD_ONLY = 5.0
-"""What driving backwards at full speed costs, as metres off the path.
-
-Trajectory rollout samples none that do, and backs
-out where nothing else is left."""
+"""Cost of driving backwards at full speed, in metres off the path: as upstream, it only backs out if all else fails."""
 
 HEADING_SCALE = 0.3
-"""Cost of a radian off the farthest point in sight, as in base_local_planner."""
+"""Cost of a radian between the heading and the farthest point in sight, as in base_local_planner."""
 
 
 class TrajectoryPlanner(TranslatedController):
-    """Trajectory rollout, and with `dwa` the dynamic window approach.
+    """Trajectory rollout, or with `dwa` the dynamic window approach; both driven by DwaController.
 
-    Both sample velocities, drive each forward within accelerations and take the cheapest by distance to the path,
-    distance left to the goal and highest cost passed; they differ in which velocities are in reach, which here is one
-    switch of DwaController.
+    Both sample velocities, simulate each within accelerations and take the cheapest by distance to the path, distance
+    left to the goal and highest cost passed. They differ in the velocities sampled: DwaController's `use_dwa`.
 
     Source: Gerkey, Konolige, "Planning and control in unstructured terrain" (2008), and
     base_local_planner/TrajectoryPlannerROS, whose parameters it reads.
@@ -39,7 +35,7 @@ class TrajectoryPlanner(TranslatedController):
     def translate(
         self, parameters: TrajectoryPlannerParameters, resolution: float
     ) -> Tuple[Type[PathFollower], DwaParameters]:
-        """Return DwaController and what its parameters are for these."""
+        """Return DwaController and the parameters translated for it."""
         return DwaController, as_dwa(parameters, resolution)
 
 
@@ -48,8 +44,8 @@ def as_dwa(p: TrajectoryPlannerParameters, resolution: float) -> DwaParameters:
 
     Args:
         p: TrajectoryPlannerROS's.
-        resolution: Side (m) of a cell, in which distances are weighed without meter_scoring. With it they count
-            metres, and a cost as much less: what a cell off the path weighs against is the same cost.
+        resolution: Cell size (m): without meter_scoring, distances are weighed in cells. With it they are weighed in
+            metres, and occdist_scale is multiplied by the cell size, as upstream.
     """
     a_metre, a_cost = (1.0, resolution) if p.meter_scoring else (1.0 / resolution, 1.0)
     sideways = p.sideways()

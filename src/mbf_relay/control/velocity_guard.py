@@ -1,19 +1,19 @@
-"""The last look at a velocity before it reaches the wheels: may the robot still brake before what the lidar shows?
+"""The last check of a velocity before the wheels: can the robot brake in front of everything that the lidars show?
 
-It knows neither costmaps, goals nor a map. It remembers the newest scan of each lidar (told apart by their frames), the
-velocities it let pass since, and how late the wheels follow. A velocity passes unchanged while
+It uses no costmap, goal or map. It keeps the newest scan of each lidar (told apart by frame), the velocities it has let
+pass since, and an estimate of the delay of the wheels. A velocity passes unchanged while
 
-- time goes on, its sender keeps sending, and the newest scan of each lidar is fresh;
+- the clock runs, commands keep coming, and the newest scan of each lidar is fresh;
 - the footprint, moved along the arc on which the robot reacts and brakes, keeps `margin` from every point of the scans;
-  with known wheels also along the spiral on which a differential drive stops when both wheels brake at once;
-- the robot can stop within what a lidar looks at.
+  with a known wheel separation also along the spiral of a differential drive whose wheels both brake at once;
+- the robot can stop within the field of view and range of a lidar.
 
-Else it is slowed down along the same arc, or stopped. Points within the margin already may not come nearer, so that a
-robot can always drive away from them.
+Otherwise it is slowed down along the same arc, or stopped. Points that are within the margin already may not come
+nearer, so that the robot can always drive away from them.
 
-Where odometry shows that the wheels follow late, the arc begins where the robot will be by then, since what has passed
-cannot be taken back. The delay is an estimate, so two more arcs must be free: one without delay, and one with the
-largest that odometry cannot show.
+Where odometry shows a delay, the arc begins where the robot will be after it, since velocities that have passed cannot
+be taken back. As the delay is an estimate, two more arcs must be free: one without delay, and one with the largest
+delay that odometry cannot show.
 
 The idea is that of Nav2's collision monitor, with the footprint on the braking arc in place of zones.
 """
@@ -37,20 +37,20 @@ from mbf_relay.scan import LaserScan
 from mbf_relay.senders import HOW_TO_GO_ON, Senders
 
 STEP = 0.01
-"""Metres that no corner of the footprint exceeds between two poses looked at: no lidar is more exact."""
+"""Largest way (m) of a footprint's corner between two poses checked: about a lidar's accuracy."""
 MOST_STEPS = 400
-"""Poses looked at, at most. On a longer way to a stop they lie farther apart, up to half the footprint's width, so that
-it covers all of the ground between; a velocity whose way is longer still is slowed down."""
+"""Most poses checked. On a longer way to a stop they lie farther apart, up to half the footprint's width, so that it
+still covers the ground between; a velocity that needs more is slowed down."""
 LEAST = 0.1
-"""Share of a velocity below which the robot is stopped instead; it would creep up to an obstacle for ever."""
+"""Share of a velocity below which the robot is stopped instead of slowed down: it would creep up to the obstacle."""
 HALVINGS = 7
-"""Of the range in which the share of a velocity lies that may pass: it is found to less than a hundredth."""
+"""Bisection steps for the share of a velocity that may pass: they find it to less than a hundredth."""
 OFF_ROBOT = 0.5
-"""Metres farther out than any corner of the footprint, where no lidar of the robot's own sits."""
+"""Distance (m) beyond the footprint's farthest corner at which a lidar cannot be the robot's own."""
 MOVED = 0.05
-"""Metres or radians that no lidar overlooks: the readings of more than one beam must be others."""
+"""Motion (m or rad) after which the readings of a working lidar must have changed."""
 TOUCH = 1e-9
-"""Metres of rounding."""
+"""Tolerance (m) for rounding errors."""
 
 PASSING, STANDING = "passing", "standing"
 SILENT, NO_SCAN, OBSTACLE, UNSEEN, NOT_FINITE = "silent sender", "no fresh scan", "obstacle", "unseen", "not finite"
@@ -59,7 +59,7 @@ NO_TIME = "no time"
 
 
 class Verdict(NamedTuple):
-    """What may go to the wheels, the cause by its name, and a line for people."""
+    """The velocity that may go to the wheels, the cause (see above), and a line for people."""
 
     velocity: Twist2D
     cause: str
@@ -67,16 +67,16 @@ class Verdict(NamedTuple):
 
 
 class Sight(NamedTuple):
-    """What one lidar saw last.
+    """The last scan of one lidar.
 
     Attributes:
-        scan: As seen from above.
-        laser_in_base: Where the lidar sits.
-        points: What is in the way, shape (N, 2) in metres, in the base frame at the scan's time.
-        measured: How many of the points it measured; what follows may hide where it measured nothing.
-        changed_at: Time (s) at which its readings were first what they are.
-        nearest: Distance (m) of the nearest of the points from the base; infinite where there is none.
-        rides: Whether the lidar moves with the robot.
+        scan: Scan with angles counterclockwise as seen from above.
+        laser_in_base: Pose of the lidar in the base frame.
+        points: Obstacle points, shape (N, 2) in metres, in the base frame at the scan's time.
+        measured: Number of points that were measured; those that follow are assumed, see `blind_points`.
+        changed_at: Stamp (s) of the first scan with these readings, where the lidar may be frozen.
+        nearest: Distance (m) of the nearest point from the base; infinite for no points.
+        rides: Whether the lidar is mounted on the robot.
     """
 
     scan: LaserScan
@@ -89,11 +89,11 @@ class Sight(NamedTuple):
 
 
 class VelocityGuard:
-    """Judges velocities by the newest scan. One thread at a time; `now` and stamps are of one clock.
+    """Judges velocities by the newest scans. One thread at a time; `now` and stamps are of one clock.
 
     Attributes:
-        delay: How late the wheels do what they are told.
-        time_stands: Whether the clock does not go on, so that nothing on it ever gets old.
+        delay: Estimate of the delay between commands and motion.
+        time_stands: Whether the clock has stopped, so that ages of scans and commands mean nothing.
     """
 
     def __init__(self, parameters: VelocityGuardParameters) -> None:
@@ -112,19 +112,19 @@ class VelocityGuard:
         self._longest = MOST_STEPS * max(STEP, 0.5 * float(np.ptp(outline, axis=0).min()))  # way to a stop (m)
 
     def take_command(self, now: float, velocity: Twist2D, moving: Optional[Twist2D] = None) -> None:
-        """Take what is asked for at `now` (s), and how the robot moves, where odometry tells."""
+        """Note the velocity commanded at `now` (s), and the one measured by odometry, where known; both body frame."""
         self._asked, self._asked_at = velocity, now
         if moving is not None:
             self.delay.note(now, moving)
 
     def forget_command(self) -> None:
-        """Take note that whoever commanded is gone."""
+        """Forget the command, because its sender is gone."""
         self._asked_at = -math.inf
 
     def take_scan(self, scan: LaserScan, laser_in_base: Pose2D, rides: bool = True) -> None:
-        """Take a scan as seen from above, where the lidar sits, and whether it moves with the robot.
+        """Take a scan (angles as seen from above), the lidar's pose, and whether the robot carries it.
 
-        The same readings again, although the robot has moved, do not count as a new scan: the lidar is frozen.
+        A scan with the same readings as the last one, although the robot has moved, is dropped: the lidar is frozen.
         """
         self._lidars.hear(scan.frame, scan.stamp, is_guest=not rides)
         changed_at = self._changed_at(scan)
@@ -137,7 +137,7 @@ class VelocityGuard:
         self._seen[scan.frame] = Sight(scan, laser_in_base, points, len(seen), changed_at, nearest, rides)
 
     def _changed_at(self, scan: LaserScan) -> Optional[float]:
-        """Return since when (s) a lidar has read what it reads now, None where the robot has been sent elsewhere since.
+        """Return the stamp (s) of the first scan with these readings; None where the robot was commanded to move since.
         """
         last = self._seen.get(scan.frame)
         same = (
@@ -153,11 +153,11 @@ class VelocityGuard:
 
     @property
     def _sights(self) -> List[Sight]:
-        """What each lidar that sends saw last, the one heard first to the front."""
+        """The last scan of each lidar that sends, in the order in which they were first heard."""
         return [self._seen[frame] for frame in self._lidars.heard]
 
     def verdict(self, now: float) -> Verdict:
-        """Return what may go to the wheels at `now` (s), and remember it as gone there."""
+        """Return the velocity that may go to the wheels at `now` (s), and note it as sent."""
         found = self._judge(now)
         if now < self._passed[-1][0]:  # time was set back
             self._passed.clear()
@@ -182,7 +182,7 @@ class VelocityGuard:
             return Verdict(
                 STOP, SILENT, f"stopped: no velocity has come for {parameters.input_timeout:g} s, or its sender is gone"
             )
-        sights = [self._seen[frame] for frame in self._lidars.present]  # a lidar that stands in the world is not missed
+        sights = [self._seen[frame] for frame in self._lidars.present]  # one in the world may fall silent
         if not sights:
             return Verdict(STOP, NO_SCAN, "stopped: there is no scan yet")
         for sight in sights:
@@ -230,9 +230,9 @@ class VelocityGuard:
         return _slowed(asked, limit, UNSEEN, unseen)
 
     def _is_clear(self, velocity: Twist2D, sights: List[Sight], now: float) -> bool:
-        """Return whether all that lidars saw is too far away to be met; where it is not, the footprint tells.
+        """Return whether all points are too far away to be reached, so that the footprint need not be checked.
 
-        Braking, the robot's middle is nowhere faster than before.
+        While a robot brakes, its base frame's origin is never faster than before.
         """
         p, late = self._parameters, max(LATE, self.delay.seconds)
         braking = seconds_to_brake(velocity, p.acc_lim_x, p.acc_lim_theta, p.wheel_separation)
@@ -246,35 +246,34 @@ class VelocityGuard:
             for sight in sights)
 
     def _way(self, velocity: Twist2D, seconds: float) -> float:
-        """Return how far (m) any corner of the footprint gets with a velocity held for so long (s), at most."""
+        """Return the longest way (m) of any corner of the footprint with a velocity held for `seconds`."""
         return (velocity.speed() + abs(velocity.theta) * self._radius) * seconds
 
     def _points_ahead(self, sights: List[Sight], now: float) -> np.ndarray:
-        """Return the points of scans from where the robot does what passes now, shape (N, 2) in metres.
+        """Return the points of scans in the base frame at which a command sent now takes effect, (N, 2) in metres.
 
-        Three times over: without delay, with the largest that odometry cannot show, and with the estimated one.
+        Each is there for every delay: none, the largest that odometry cannot show, and the estimated one.
         """
         return np.vstack([
             _moved(self._passed_between(sight.scan.stamp - delay, now)).inverse().transform_points(sight.points)
             for sight in sights for delay in {0.0, LATE, self.delay.seconds}])
 
     def _met_before(self, sight: Sight, now: float) -> Optional[np.ndarray]:
-        """Return a scan's first point (m) that the robot runs into on its way there; None for none."""
+        """Return the first point (2,) touched by motion that was commanded already; None for none."""
         held = list(self._held(sight, now))
         step = max(STEP, sum(self._way(velocity, seconds) for velocity, seconds in held) / MOST_STEPS)
         return self._too_near(way_held(IDENTITY, held, step, step / self._radius), sight.points, 0.0)
 
     def _held(self, sight: Sight, now: float) -> Iterator[Tuple[Twist2D, float]]:
-        """Yield the velocities that lead there, and how long each is in force (s)."""
+        """Yield (velocity, duration in s) from the scan's time to where a command sent now takes effect."""
         return self._passed_between(sight.scan.stamp - self.delay.seconds, now)
 
     def _passed_between(self, stamp: float, now: float) -> Iterator[Tuple[Twist2D, float]]:
-        """Return what passed between two times (s), but for zeros, and for how long (s) each."""
+        """Return (velocity, duration in s) of what passed between two times (s), without standing."""
         return (held for held in held_between(self._passed, stamp, now) if held[0] != STOP)
 
     def _free_share(self, asked: Twist2D, points: np.ndarray) -> Tuple[float, str]:
-        """Return the largest share of a velocity that leaves room to brake, and what is in its way; empty for nothing.
-        """
+        """Return the largest share of a velocity that leaves room to brake, and what is in the way, if anything."""
         in_the_way = self._in_the_way(asked, points)
         if not in_the_way:
             return 1.0, ""
@@ -288,7 +287,7 @@ class VelocityGuard:
         return share if share >= LEAST else 0.0, in_the_way
 
     def _in_the_way(self, velocity: Twist2D, points: np.ndarray) -> str:
-        """Return what the robot would come too near to, were it to react and brake; empty for nothing."""
+        """Return what the robot would come too near to while it reacts and brakes; empty for nothing."""
         p, radius = self._parameters, self._radius
         braking = seconds_to_brake(velocity, p.acc_lim_x, p.acc_lim_theta, p.wheel_separation)
         seconds = p.reaction_time + 0.5 * braking
@@ -309,13 +308,13 @@ class VelocityGuard:
         return f"something at ({point[0]:.2f}, {point[1]:.2f}) m from {self._parameters.base_frame}"
 
     def _too_near(self, poses: np.ndarray, points: np.ndarray, margin: float) -> Optional[np.ndarray]:
-        """Return the first point that the footprint, at poses of shape (P, 3) one after the other, comes too near to.
+        """Return the first of `points`, (N, 2), that the footprint comes too near to along poses (P, 3), or None.
 
-        What is nearer than `margin` (m) at the origin may be as near, and no nearer.
+        A point that is nearer than `margin` (m) now, with the robot at the origin, may not come nearer.
         """
         reach = float(np.hypot(poses[:, 0], poses[:, 1]).max()) + self._radius + margin
         near = points[np.hypot(points[:, 0], points[:, 1]) <= reach]
-        if not len(near):  # as nearly always, and what follows takes longer
+        if not len(near):  # the usual case; what follows takes longer
             return None
         before = clearances(near, self._outline)
         near, before = near[before > -OWN_DEPTH], before[before > -OWN_DEPTH]
@@ -331,9 +330,7 @@ class VelocityGuard:
         return first
 
     def _share_in_sight(self, asked: Twist2D, sight: Sight) -> Tuple[float, str]:
-        """Return the largest share of a velocity with which the robot can stop where a lidar looks, and what limits it.
-
-        What lies beyond a lidar's range nobody has seen.
+        """Return the largest share of a velocity from which the robot stops within a lidar's view and range, and why.
         """
         speed = asked.speed()
         if speed <= self._parameters.unseen_speed:  # or a turn on the spot, which leads nowhere
@@ -351,12 +348,12 @@ class VelocityGuard:
             f"the lidar sees {room:.2f} m past the footprint, and the robot needs {reacting + braking:.2f} m to stop")
 
     def _is_unseen(self, asked: Twist2D, sight: Sight) -> bool:
-        """Return whether the way leads where a lidar by its angles does not look."""
+        """Return whether the direction of motion is outside a lidar's field of view."""
         scan = sight.scan
         width = abs(scan.angle_increment) * (len(scan.ranges) + 1)
         if width >= 2.0 * math.pi:
             return False
-        if width < self._parameters.blind_sector:  # a view no wider than what it may not overlook is none
+        if width < self._parameters.blind_sector:  # a field of view below that is taken for none
             return True
         middle = scan.angle_min + scan.angle_increment * (len(scan.ranges) - 1) / 2.0
         off = math.atan2(asked.y, asked.x) - sight.laser_in_base.theta - middle
@@ -364,7 +361,7 @@ class VelocityGuard:
 
 
 def _moved(held: Iterable[Tuple[Twist2D, float]]) -> Pose2D:
-    """Return where velocities, each held for so long (s), bring the robot from where it is."""
+    """Return the motion of velocities, each with its duration (s), as a pose in the frame of the start."""
     moved = IDENTITY
     for velocity, duration in held:
         moved = moved.compose(velocity.held(duration))

@@ -1,4 +1,4 @@
-"""What can be set of the guard between navigation and wheels."""
+"""Parameters of the velocity guard, between navigation and wheels."""
 
 from __future__ import annotations
 
@@ -54,11 +54,11 @@ class VelocityGuardParameters(ParameterSet):
         unit="m/s", minimum=0.0)
 
     def check(self) -> None:
-        """Raise ValueError where the footprint is none."""
+        """Raise ValueError for an invalid footprint."""
         parse_footprint(self.footprint)
 
     def read_as(self) -> List[str]:
-        """Tell of a footprint that crosses itself."""
+        """Return a note on a footprint that crosses itself."""
         return notes_on(self.footprint)
 
     def outline(self) -> np.ndarray:

@@ -63,7 +63,7 @@ class PoseGaussian:
         return PoseGaussian(after, along @ self.covariance @ along.T + to_map @ noise @ to_map.T)
 
     def log_density(self, poses: np.ndarray) -> np.ndarray:
-        """Return the log-density at poses, (N, 3) in, (N,) out; LinAlgError where the covariance is singular."""
+        """Return the log-density at poses, (N, 3) in, (N,) out; LinAlgError where it is not positive definite."""
         logs = np.empty(len(poses))
         moments = np.ascontiguousarray(self.mean), np.ascontiguousarray(self.covariance)
         if not log_normal(np.ascontiguousarray(poses), *moments, LOG_NORMALIZER, logs):
