@@ -25,38 +25,38 @@ from mbf_relay.planning.path import Path
 from mbf_relay.plugins import create, failures_of
 
 SMOOTHED = np.array([-21.0, 14.0, 39.0, 54.0, 59.0, 54.0, 39.0, 14.0, -21.0]) / 231.0
-"""Savitzky and Golay's weights of nine values in a row, for a parabola through them; Nav2 smooths its mean so, too."""
+"""Savitzky-Golay weights of a window of nine for a parabola, with which Nav2 smooths its control sequence, too."""
 
 PAST = 4
-"""Steps before now that the smoothing looks at."""
+"""Past steps of the control sequence that are kept for smoothing."""
 
 STANDING = 1
-"""The number of the drive that is no drive: what is no better than that is not worth beginning."""
+"""Index of the sample that stands still; where it is the best, the controller fails instead of driving."""
 
 TIGHT = 0.2
-"""Share of the drives that turn as much as in the open which touch something where a place is tight; of a robot that
-stands, half begin backwards."""
+"""Share of collisions, among samples with the full noise on turns, above which a place counts as tight. A robot that
+stands samples half of its trajectories backwards."""
 
 STRAIGHTEST = 0.05
-"""Least share of wz_std by which half of the drives turn in such a place: between jambs a few centimetres off, others
-touch."""
+"""Smallest share of wz_std for samples in a tight place, where every other one gets less noise on turns: between door
+jambs a few centimetres away, others collide."""
 
 SLOWER = (1.0, 0.6, 0.3)
-"""Shares of a velocity tried where braking from all of it would touch something."""
+"""Shares of a velocity tried, in this order, until one can be braked from without a collision."""
 
 
 class MppiController(PathFollower):
-    """Imagines a batch of drives round the mean of the cycle before, has critics cost them, and drives their mean.
+    """Samples trajectories round the last control sequence, has critics cost them, and drives their weighted mean.
 
-    The mean of free drives need not be free: what is commanded is checked, with braking, like any other controller's
-    command, and the best single drive takes its place where it is not.
+    A mean of free trajectories need not be free. So the command is checked, with braking, as any other controller's;
+    where it is not free, that of the best single sample is tried.
 
     Source: Williams, Drews, Goldfain, Rehg, Theodorou, "Information-theoretic model predictive control" (2018), and
     nav2_mppi_controller, whose parameters it reads.
 
     Attributes:
-        critics: In the order they are asked.
-        costs: Shape (B,): of the trajectories sampled last.
+        critics: The critics in the order of evaluation.
+        costs: Shape (B,): total costs of the last batch.
     """
 
     Parameters = MppiParameters
@@ -67,7 +67,7 @@ class MppiController(PathFollower):
         self._prepare()
 
     def _prepare(self) -> None:
-        """Make what depends on the parameters."""
+        """Set up everything that depends on the parameters."""
         p = self.parameters
         self.critics: List[CriticFunction] = [
             create(name, name, p.critic_parameters.get(name, {}), CriticFunction, CRITICS) for name in p.critics
@@ -89,9 +89,10 @@ class MppiController(PathFollower):
         self._driven_at: Optional[float] = None
 
     def _draw(self) -> np.ndarray:
-        """Return noise for a batch, float32: each drive's is there with either sign, so that it leans to neither side.
+        """Return noise for a batch, shape (B, T, 3), float32, in pairs of opposite sign, so that it is not biased.
 
-        The first drive has none, so that the mean itself is among those judged; another one will stand still.
+        Sample 0 has none, so that the mean itself is judged, too; `_optimize` makes sample STANDING stand still. Along
+        a trajectory the noise is a first-order autoregressive process of correlation time noise_time.
         """
         p, kept = self.parameters, self._kept
         noises = self._rng.standard_normal(((p.batch_size + 1) // 2, p.time_steps, 3), dtype=np.float32)
@@ -104,7 +105,7 @@ class MppiController(PathFollower):
         return np.ascontiguousarray(both * self._deviations.astype(np.float32))
 
     def reconfigure(self, parameters: MppiParameters) -> None:
-        """Take new parameters; the drive begun goes on from a standing robot's mean."""
+        """Take new parameters; the control sequence begins anew, with zeros."""
         super().reconfigure(parameters)
         self._prepare()
 
@@ -131,7 +132,7 @@ class MppiController(PathFollower):
 
     @property
     def controls(self) -> np.ndarray:
-        """The mean of the velocities to command, step by step from now on, shape (T, 3)."""
+        """The control sequence: mean velocities of the steps from now on, body frame, shape (T, 3)."""
         return self._sequence[PAST:]
 
     def _forget(self) -> None:
@@ -139,7 +140,7 @@ class MppiController(PathFollower):
         self._driven_at = None
 
     def drive(self, cycle: ControlCycle) -> Twist2D:
-        """Return the first velocity of the mean of all drives, weighted by their worth."""
+        """Return the first velocity of the weighted mean of the samples, if it is free."""
         p = self.parameters
         self._shift(cycle.state.now, cycle.state.period)
         reason = ""
@@ -167,11 +168,11 @@ class MppiController(PathFollower):
         raise self.nothing_left(cycle, reason)
 
     def _puts_off(self, cycle: ControlCycle) -> bool:
-        """Return whether the robot stands, and the mean begins with standing on.
+        """Return whether the robot can stand and the control sequence begins with standing.
 
-        Where the way ends within the horizon before an obstacle, it costs least to go there last; in the next cycle
-        that is true again. Near the goal the drives are charged for their whole way there, and one creeps up to it; a
-        car whose heading is off has no way left, and creeps nowhere.
+        Where an obstacle ends the way within the horizon, it costs least to drive there last, and does so again in the
+        next cycle: the robot would wait for ever. Near the goal this is not checked, because there costs along the
+        trajectory favour driving early; but it is for a car, whose heading may be off with no way left.
         """
         p = self.parameters
         if cycle.path.remaining < cycle.state.costmap.width and p.motion_model != ACKERMANN:
@@ -181,20 +182,20 @@ class MppiController(PathFollower):
             np.hypot(*first[:2]) < CREEPING * p.max_vel_trans and first[2] < CREEPING * p.max_vel_theta)
 
     def report(self, cycle: ControlCycle, drove: bool) -> CycleReport:
-        """Return where the best drive leads."""
+        """Return the report with the trajectory of the best sample."""
         plain = super().report(cycle, drove)
         if not drove or not self.command.speed():
             return plain
         return dataclasses.replace(plain, trajectory=self._poses[int(np.argmin(self.costs))].copy())
 
     def _turn_at_goal(self, cycle: ControlCycle) -> Twist2D:
-        if self.parameters.motion_model == ACKERMANN:  # which gets its heading by driving
+        if self.parameters.motion_model == ACKERMANN:  # a car reaches its heading by driving
             self._drove = True
             return self._drive_or_back_out(cycle)
         return super()._turn_at_goal(cycle)
 
     def _shift(self, now: float, period: float) -> None:
-        """Move the mean on by the time since it was made; start anew where the robot did something else meanwhile."""
+        """Shift the control sequence by the time (s) since the last cycle; reset it if the last command is too old."""
         elapsed = math.inf if self._driven_at is None else now - self._driven_at
         if not 0.0 <= elapsed <= 3.0 * period:
             self._forget()
@@ -205,17 +206,17 @@ class MppiController(PathFollower):
                 steps + elapsed / self.parameters.model_dt, steps, self._sequence[:, component])
 
     def _smooth(self) -> None:
-        """Take the unrest out of the mean, the present in the light of the past."""
+        """Smooth the control sequence over time, with the last PAST steps driven."""
         last = np.repeat(self._sequence[-1:], PAST, axis=0)
         for component in range(3):
             values = np.concatenate((self._sequence[:, component], last[:, component]))
             self.controls[:, component] = np.convolve(values, SMOOTHED, mode="valid")
 
     def _optimize(self, cycle: ControlCycle) -> int:
-        """Imagine a batch, blend it into the mean, and return the number of the best drive.
+        """Sample a batch, blend it into the control sequence, and return the index of the best sample.
 
-        How much drives are to turn is a matter of the place, and the last batch told of that; Mohamed, Yin, Liu,
-        "Autonomous navigation of AGVs in unknown cluttered environments: log-MPPI control strategy" (2022), draw it.
+        The noise on turns is adapted to the place, as found by the last batch; Mohamed, Yin, Liu, "Autonomous
+        navigation of AGVs in unknown cluttered environments: log-MPPI control strategy" (2022), draw it at random.
         """
         p, checker = self.parameters, cycle.checker
         if p.regenerate_noises:
@@ -227,7 +228,7 @@ class MppiController(PathFollower):
         if self._is_tight:
             noises[:, :, 2] *= self._turns[:, None]
         if p.min_vel_x >= 0.0 and p.motion_model != ACKERMANN:
-            # past its goal it cannot come back: sampled as far as ever, nearly all trajectories end there and it stands
+            # it cannot come back: with the full noise nearly all samples would overshoot the goal, and it would stand
             left = max(cycle.path.remaining, cycle.state.pose.distance_to(cycle.path.goal))
             noises[:, :, 0] *= min(1.0, left / (p.vx_std * p.time_steps * p.model_dt))
         noises[STANDING] = -self.controls
@@ -245,7 +246,7 @@ class MppiController(PathFollower):
                 costs += critic.cost(data)
         self.costs = np.where(np.isfinite(costs), costs, 1e12)
         scales = np.where(self._deviations > 0.0, self._deviations, 1.0)
-        gamma = p.gamma * (1.0 - self._kept) / (1.0 + self._kept)  # steps that are alike tell one thing, not many
+        gamma = p.gamma * (1.0 - self._kept) / (1.0 + self._kept)  # correlated steps count as fewer
         rollout_kernels.blend(self.costs, self._samples, scales, p.temperature, gamma, low, high, self.controls)
         return int(np.argmin(self.costs))
 
@@ -259,7 +260,7 @@ class MppiController(PathFollower):
         columns, rows = np.where(inside[:, None], cells, 0).T
         is_free = ~inside | (cycle.state.costmap.costs[rows, columns] < INSCRIBED)
         ahead, aside = self._velocities[:, :, 0], self._velocities[:, :, 1]
-        speeds = np.hypot(ahead, aside) if aside.any() else np.abs(ahead)  # the same, in a tenth of the time
+        speeds = np.hypot(ahead, aside) if aside.any() else np.abs(ahead)  # equal and ten times as fast
         halfway, ends = (self._along(path, speeds[:, :steps], length) for steps in (p.time_steps // 2, p.time_steps))
         furthest = min(len(points) - 1, int(ends[:, 1].max() / POINT_SPACING + 0.5))
         return Rollouts(
@@ -268,14 +269,13 @@ class MppiController(PathFollower):
         )
 
     def _along(self, path: LocalPath, speeds: np.ndarray, length: float) -> np.ndarray:
-        """Return where each drive has come to on the path after so many steps: metres across and along it, (B, 2).
+        """Return distance from and progress along the path (m) of each sample after so many steps, shape (B, 2).
 
-        None gets farther than it drives and cuts corners, for what is near beyond that is another leg; nor than
-        `length` (m).
+        Progress is limited to `length` (m), and to the way driven times CUT: what is near beyond that is another leg.
 
         Args:
-            path: Ahead.
-            speeds: Shape (B, steps): of each step (m/s).
+            path: The part of the path near the robot.
+            speeds: Shape (B, steps): speed (m/s) in each step.
             length: How far ahead (m) to look.
         """
         most = path.robot_arc + min(length, self._horizon)
@@ -285,9 +285,7 @@ class MppiController(PathFollower):
         return places
 
     def _checked(self, cycle: ControlCycle, controls: np.ndarray) -> Optional[Twist2D]:
-        """Return the velocity that controls lead to within a period, or a slower one that can be braked from.
-
-        Else None.
+        """Return the command for a control sequence (T, 3), slowed down until it can be braked from; None if it cannot.
         """
         p = self.parameters
         wanted = self._first(controls, cycle.state.period)
@@ -298,7 +296,7 @@ class MppiController(PathFollower):
         return None
 
     def _first(self, controls: np.ndarray, period: float) -> np.ndarray:
-        """Return the mean, shape (3,), of the controls of the next period (s); a car that stands does not turn."""
+        """Return the mean, shape (3,), of the controls of the next period (s), within a car's turning circle."""
         count = min(len(controls), max(1, round(period / self.parameters.model_dt)))
         mean: np.ndarray = controls[:count].mean(axis=0)
         return np.array(self._steered(Twist2D(*mean.tolist())))
@@ -307,7 +305,7 @@ class MppiController(PathFollower):
         return self._steered(cycle.window.clip(Twist2D(*map(float, wanted))))
 
     def _steered(self, velocity: Twist2D) -> Twist2D:
-        """Return the velocity, of a car with the tightest turn it can steer at that speed at most."""
+        """Return the velocity; that of a car with its rotation limited by its turning circle."""
         if self.parameters.motion_model != ACKERMANN:
             return velocity
         most = abs(velocity.x) / self.parameters.min_turning_r

@@ -1,4 +1,4 @@
-"""The abstract critic of sampled trajectories, and what it is shown."""
+"""The abstract critic of MPPI, and the data it scores by."""
 
 from __future__ import annotations
 
@@ -21,22 +21,22 @@ POINT_SPACING = 0.05
 
 @dataclass(frozen=True)
 class Rollouts:
-    """A batch of B drives of T steps, and what they are judged by; everything in the costmap's frame.
+    """A batch of B sampled trajectories of T steps, and the data for critics; everything in the costmap's frame.
 
     Attributes:
         parameters: The controller's.
-        pose: The robot now.
-        goal: The path's end.
-        goal_distance: Metres along the path to it.
+        pose: The robot's present pose.
+        goal: The goal's pose.
+        goal_distance: Distance (m) to it along the path, or straight where that is more.
         velocities: Shape (B, T, 3): body frame, in each step.
         poses: Shape (B, T, 3): after each step.
-        way: Up to where each is free.
+        way: How far each is free, and costmap costs up to there.
         checker: The obstacles.
-        path: Shape (P, 2), P >= 2: points ahead, POINT_SPACING apart from the one nearest to the robot on.
-        path_is_free: Shape (P,), bool: where the robot's centre could be.
-        halfway, ends: Shape (B, 2): where each drive is after half its time, and at its end: metres across and along
-            the path, from the robot's place on it.
-        furthest: Index of the point of the path that is nearest to the end of the drive that gets farthest along it.
+        path: Shape (P, 2), P >= 2: points (m) ahead, POINT_SPACING apart, from the one nearest to the robot on.
+        path_is_free: Shape (P,), bool: whether the costmap's cost is below inscribed.
+        halfway, ends: Shape (B, 2): of each trajectory after half its time, and at its end, the distance (m) from the
+            path, and the progress (m) along it from the robot's place.
+        furthest: Index of the point of the path reached by the trajectory that gets farthest along it.
     """
 
     parameters: MppiParameters
@@ -55,14 +55,14 @@ class Rollouts:
 
     @cached_property
     def touches(self) -> np.ndarray:
-        """Which drives touch something, bool of shape (B,)."""
+        """Which trajectories collide, bool of shape (B,)."""
         return self.checker.meets_something(
             self.poses, np.full(len(self.poses), self.poses.shape[1]), self.way.steps)
 
 
 @dataclass(frozen=True)
 class CriticParameters(ParameterSet):
-    """What every critic of MPPI has."""
+    """Parameters of every critic of MPPI."""
 
     enabled: bool = parameter(True, "use this critic")
     cost_weight: float = parameter(1.0, "weight of this critic in the sum of costs", minimum=0.0)
@@ -70,13 +70,13 @@ class CriticParameters(ParameterSet):
 
 
 class CriticFunction(Plugin, abc.ABC):
-    """Tells the cost of each drive by one point of view. Source: Nav2's critic of the same name."""
+    """Scores sampled trajectories by one criterion. Source: Nav2's critic of the same name."""
 
     Parameters = CriticParameters
     parameters: CriticParameters
 
     def cost(self, data: Rollouts) -> Any:
-        """Return the weighted cost of each drive, shape (B,), or 0 where the critic has nothing to say."""
+        """Return the weighted cost of each trajectory, shape (B,), or 0 where the critic does not apply."""
         p = self.parameters
         if not p.enabled:
             return 0.0
@@ -85,4 +85,4 @@ class CriticFunction(Plugin, abc.ABC):
 
     @abc.abstractmethod
     def score(self, data: Rollouts) -> Any:
-        """Return the cost of each drive before weighting, shape (B,) and 0 or above, or 0 for nothing to say."""
+        """Return the unweighted cost of each trajectory, (B,), 0 or above; or 0 where the critic does not apply."""

@@ -1,4 +1,4 @@
-"""The critics of motion: limits, driving backwards, twirling, creeping."""
+"""Critics of velocities: limits, driving backwards, rotation, and the motors' deadband."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class ConstraintCriticParameters(CriticParameters):
 
 
 class ConstraintCritic(CriticFunction):
-    """Charges metres driven beyond the limits of the speed, and with Ackermann those beyond the turning circle."""
+    """Charges speed above its limits and, with Ackermann, rotation beyond the turning circle, integrated over time."""
 
     Parameters = ConstraintCriticParameters
     parameters: ConstraintCriticParameters
@@ -33,7 +33,7 @@ class ConstraintCritic(CriticFunction):
         speed = np.copysign(np.hypot(along, data.velocities[:, :, 1]), along) if p.max_vel_y else along
         backwards = math.hypot(p.min_vel_x, p.max_vel_y) * (1.0 if p.min_vel_x > 0.0 else -1.0)
         if p.motion_model != ACKERMANN and backwards <= speed.min() and speed.max() <= p.max_vel_trans:
-            return 0.0  # most batches
+            return 0.0  # the usual case
         beyond = np.maximum(0.0, speed - p.max_vel_trans) + np.maximum(0.0, backwards - speed)
         if p.motion_model == ACKERMANN:
             beyond += np.maximum(0.0, np.abs(turn) * p.min_turning_r - np.abs(along))
@@ -70,7 +70,7 @@ class TwirlingCriticParameters(CriticParameters):
 
 
 class TwirlingCritic(CriticFunction):
-    """Charges the mean rotational speed, but at the goal."""
+    """Charges the mean rotational speed, except within xy_goal_tolerance of the goal."""
 
     Parameters = TwirlingCriticParameters
     parameters: TwirlingCriticParameters
@@ -93,13 +93,13 @@ class VelocityDeadbandCriticParameters(CriticParameters):
 
 
 class VelocityDeadbandCritic(CriticFunction):
-    """Charges velocities so low that the robot would not move."""
+    """Charges velocities in the deadband, so low that the robot would not move."""
 
     Parameters = VelocityDeadbandCriticParameters
     parameters: VelocityDeadbandCriticParameters
 
     def score(self, data: Rollouts) -> Any:
-        """Return metres, radians counting as such."""
+        """Return metres plus radians: the shortfall integrated over time."""
         dead = np.abs(np.array(self.parameters.deadband_velocities))
         if not data.parameters.max_vel_y:
             dead[1] = 0.0

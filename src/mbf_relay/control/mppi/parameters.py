@@ -77,7 +77,7 @@ class MppiParameters(FollowerParameters):
 
     @classmethod
     def known(cls, values: Mapping[str, Any]) -> Dict[str, Any]:
-        """Return the controller's own values, with what Nav2 says in one and this package in several, and its groups.
+        """Return the controller's values, with names that Nav2 has instead translated, and the critics' groups.
         """
         result = super().known(values)
         is_omni = result.get("motion_model") == OMNI
@@ -110,14 +110,14 @@ class MppiParameters(FollowerParameters):
 
     @classmethod
     def groups(cls, values: Mapping[str, Any]) -> List[str]:
-        """Return the names of critics, of those not asked for too, and of the groups Nav2 has beside them."""
+        """Return the names of groups: all critics, those in `critics`, and Nav2's others."""
         names = values.get("critics", ())
         asked = [name for name in names if isinstance(name, str)] if isinstance(names, (list, tuple)) else []
         return [*NAV2_GROUPS, *CRITICS, *asked]
 
     @classmethod
     def unknown_names(cls, values: Mapping[str, Any]) -> List[str]:
-        """Return the names in `values` that mean nothing here."""
+        """Return the names in `values` that are unknown here."""
         read = {"vy_max", "ax_min"} | set(NAV2_OF_ITS_OWN)
         return [name for name in super().unknown_names(values) if name not in read]
 
@@ -128,6 +128,7 @@ class MppiParameters(FollowerParameters):
 
 
 NAV2_GROUPS = ("AckermannConstraints", "TrajectoryVisualizer")
+"""Groups in Nav2's files beside those of critics."""
 
 NAV2_OF_ITS_OWN = (
     "visualize",
@@ -139,18 +140,17 @@ NAV2_OF_ITS_OWN = (
     "reset_period",
     "publish_critics_stats",
 )
-"""Names in Nav2's files that ask for what goes by other ways here; they are passed over in silence."""
+"""Names in Nav2's files whose purpose is served otherwise here; they are ignored without a warning."""
 
 
 def _number(value: Any) -> Optional[float]:
-    """Return the number that a user's value is or spells; None where it is none and refused under its name afterwards.
-    """
+    """Return the number that a value is or spells; None for any other, which is refused by its name later."""
     if isinstance(value, str):
         return number_spelt(value)
     return value if isinstance(value, (int, float)) and not isinstance(value, bool) else None
 
 
 def _opposite(value: Any) -> Any:
-    """Return the number that a user's value is or spells with the other sign; all else, which is refused, as it is."""
+    """Return the negative of the number that a value is or spells; any other value, to be refused, as it is."""
     number = _number(value)
     return value if number is None else -number

@@ -1,4 +1,4 @@
-"""The critics of the path: keep to it, face along it, get on."""
+"""Critics of the path: distance from it, progress along it, and heading to it."""
 
 from __future__ import annotations
 
@@ -13,9 +13,10 @@ from mbf_relay.geometry import angle_between, normalize_angles
 from mbf_relay.parameters import parameter
 
 FORWARD, EITHER_WAY, AS_PLANNED = 0, 1, 2
+"""Values of PathAngleCritic's `mode`."""
 AT_ONCE = 0.15
-"""Share of PathFollowCritic's charge taken halfway: with less, a robot before a wall waits in front of it and plans to
-drive up to it later."""
+"""Share of PathFollowCritic's cost that is taken after half the time. With less, a robot that a wall ends the way of
+stands off it, always planning to drive up to it later."""
 
 
 @dataclass(frozen=True)
@@ -36,7 +37,7 @@ class PathAlignCriticParameters(CriticParameters):
 
 
 class PathAlignCritic(CriticFunction):
-    """Charges the mean distance between each drive and the path, both followed equally far."""
+    """Charges the mean distance between points of each trajectory and of the path at equal arc lengths."""
 
     Parameters = PathAlignCriticParameters
     parameters: PathAlignCriticParameters
@@ -50,7 +51,7 @@ class PathAlignCritic(CriticFunction):
         if blocked > 2 and blocked > p.max_path_occupancy_ratio * data.furthest:
             return 0.0
         poses = data.poses[:, :: p.trajectory_point_step]
-        x, y = poses[:, :, 0].copy(), poses[:, :, 1].copy()  # side by side they are read in a third of the time
+        x, y = poses[:, :, 0].copy(), poses[:, :, 1].copy()  # contiguous copies are read three times as fast
         driven = np.cumsum(np.hypot(np.diff(x), np.diff(y)), axis=1)
         points = np.minimum((driven / POINT_SPACING + 0.5).astype(np.int64), data.furthest)
         path_x, path_y = data.path.T.copy()
@@ -74,11 +75,11 @@ class PathFollowCriticParameters(CriticParameters):
 
 
 class PathFollowCritic(CriticFunction):
-    """Charges the distance from a drive's end to a point of the path beyond what any drive reaches.
+    """Charges the distance from a trajectory's end to a point of the path beyond what any of them reaches.
 
-    It is measured along the path and across it, for a path that folds back leads away from a point that lies beside it;
-    and halfway as well, for a drive that is there late is no match for one that is there soon: in the next cycle the
-    robot would put off going again.
+    It is measured along the path and across it, since where a path folds back a point beside it may lie much farther
+    along; and after half the time as well, so that early progress is preferred: a robot that can do with progress late
+    in the horizon puts it off again in the next cycle.
     """
 
     Parameters = PathFollowCriticParameters
@@ -115,7 +116,10 @@ class PathAngleCriticParameters(CriticParameters):
 
 
 class PathAngleCritic(CriticFunction):
-    """Charges the angle at a drive's end between its heading and a point of the path ahead, far off the path."""
+    """Charges the angle between the heading at a trajectory's end and the bearing of a point ahead on the path.
+
+    It is off while the robot faces that point within max_angle_to_furthest.
+    """
 
     Parameters = PathAngleCriticParameters
     parameters: PathAngleCriticParameters

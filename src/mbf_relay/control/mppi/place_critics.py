@@ -1,4 +1,4 @@
-"""The critics of place: obstacles, and the goal."""
+"""Critics of obstacles and of the goal."""
 
 from __future__ import annotations
 
@@ -31,13 +31,13 @@ class CostCriticParameters(CriticParameters):
 
 
 class CostCritic(CriticFunction):
-    """Charges the costmap's costs along the drive, as a share of a lethal cell's."""
+    """Charges the costmap's costs along the trajectory, as a share of a lethal cell's."""
 
     Parameters = CostCriticParameters
     parameters: CostCriticParameters
 
     def score(self, data: Rollouts) -> Any:
-        """Return the mean cost over 254; far more for a drive that touches."""
+        """Return the mean cost over 254; far more for a trajectory that collides."""
         p, count = self.parameters, data.poses.shape[1]
         costs = np.zeros(len(data.poses)) if data.goal_distance < p.near_goal_distance else data.way.summed_costs
         costs = np.where(data.way.highest_costs >= INSCRIBED, costs + p.critical_cost, costs)
@@ -74,7 +74,7 @@ class ObstaclesCritic(CriticFunction):
     parameters: ObstaclesCriticParameters
 
     def score(self, data: Rollouts) -> Any:
-        """Return the weighted sum of both charges; far more for a drive that touches."""
+        """Return the sum of both weighted costs; far more for a trajectory that collides."""
         p = self.parameters
         distances = np.maximum(0.0, data.checker.clearances_at(data.poses) - data.checker.costmap.inscribed_radius)
         critical = np.maximum(0.0, p.collision_margin_distance - distances).sum(axis=1)
@@ -94,7 +94,7 @@ class GoalCriticParameters(CriticParameters):
 
 
 class GoalCritic(CriticFunction):
-    """Charges the mean distance to the goal, near it."""
+    """Charges the mean distance (m) to the goal, within threshold_to_consider."""
 
     Parameters = GoalCriticParameters
     parameters: GoalCriticParameters
@@ -116,9 +116,9 @@ class GoalAngleCriticParameters(CriticParameters):
 
 
 class GoalAngleCritic(CriticFunction):
-    """Charges the mean angle to the goal's heading, near it.
+    """Charges the mean angle (rad) to the goal's heading, within threshold_to_consider.
 
-    It is silent for DiffDrive, which turns on the spot once it is there: turning sooner would lead off the way.
+    It is off for DiffDrive, which turns on the spot at the goal: turning sooner would lead it off its way.
     """
 
     Parameters = GoalAngleCriticParameters

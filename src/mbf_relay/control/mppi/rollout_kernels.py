@@ -1,5 +1,5 @@
 # mypy: allow-untyped-defs, allow-untyped-calls
-"""Compiled loops of MPPI: imagining drives, and blending them by their costs."""
+"""Compiled loops of MPPI: simulation of samples, and their weighted mean."""
 
 from __future__ import annotations
 
@@ -17,22 +17,22 @@ from mbf_relay.kernels import kernel
 def roll_out(
     pose, velocity, controls, noises, low, high, accelerations, turning_radius, step, samples, velocities, poses
 ):
-    """Drive each sample of the control sequence forward.
+    """Simulate each sample of the control sequence.
 
-    In each step the velocity moves towards the sampled control at the accelerations' limits, and holds; a step is the
-    exact arc, up to the fourth power of its angle.
+    In each step the velocity moves towards the sampled control within the acceleration limits and is then held; the
+    step is the exact arc, with its sine and cosine as series up to the fifth power of the angle.
 
     Args:
         pose: Shape (3,): x, y (m), theta (rad) at the start.
         velocity: Shape (3,), body frame, at the start.
         controls: Shape (T, 3): the mean, body frame.
-        noises: Shape (B, T, 3): what to add to it.
-        low, high: Shape (3,): limits of the velocities. Controls beyond are driven at the limit and kept as drawn: cut
-            off, their mean could never reach it.
-        accelerations: Shape (3,).
-        turning_radius: Smallest circle (m) that can be driven; 0 where the robot turns on the spot.
-        step: Seconds.
-        samples: Shape (B, T, 3): filled with the controls tried.
+        noises: Shape (B, T, 3): noise added to it.
+        low, high: Shape (3,): velocity limits. Controls beyond them are driven at the limit, but kept as drawn in
+            `samples`: with these limited as well, their mean could never reach the limit.
+        accelerations: Shape (3,): limits (m/s^2, m/s^2, rad/s^2).
+        turning_radius: Minimum turning radius (m); 0 for a robot that turns on the spot.
+        step: Duration (s) of a step.
+        samples: Shape (B, T, 3): filled with the sampled controls.
         velocities: Shape (B, T, 3): filled with the velocities of each step.
         poses: Shape (B, T, 3): filled with the poses after each step.
     """
@@ -77,19 +77,19 @@ def roll_out(
     "float64[:,::1])"
 )
 def blend(costs, samples, deviations, temperature, gamma, low, high, controls):
-    """Make the mean of the samples, weighted by exp(-cost / temperature), the new controls.
+    """Replace the controls by the mean of the samples, weighted by exp(-cost / temperature).
 
-    Return the effective number.
+    Return the effective sample size.
 
     Source: Williams et al., "Information-theoretic model predictive control" (2018), algorithm 2.
 
     Args:
         costs: Shape (B,), finite.
         samples: Shape (B, T, 3).
-        deviations: Shape (3,): of the noise.
+        deviations: Shape (3,): standard deviations of the noise, above 0.
         temperature, gamma: See MppiParameters.
-        low, high: Shape (3,): limits of the velocities, and so of the mean.
-        controls: Shape (T, 3): the mean the samples were drawn round; filled with the new one.
+        low, high: Shape (3,): velocity limits, to which the mean is cut.
+        controls: Shape (T, 3): the mean that the samples were drawn round; filled with the new one.
     """
     batch, count = samples.shape[0], samples.shape[1]
     weights = np.empty(batch)
