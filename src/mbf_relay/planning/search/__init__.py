@@ -1,1 +1,1 @@
-"""Searches over the cells of a grid: fields that fall toward a goal, floods, and straight lines between cells."""
+"""Searches over the cells of a grid: costs to go to a goal, flood fills, and straight lines between cells."""

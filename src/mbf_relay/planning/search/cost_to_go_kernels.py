@@ -1,19 +1,19 @@
 # mypy: allow-untyped-defs, allow-untyped-calls
 """Compiled search: the cost-to-go field that grows from a goal over the 8-connected grid until it reaches a start.
 
-One state serves plans from scratch, plans continued to another start, and updates after local changes of the map. It
-is that of a label-correcting search (Bertsekas, "Dynamic Programming and Optimal Control", section 2.3.1): every cell
-whose value fell since its neighbours last looked at it waits in a queue, ordered by value plus heuristic as in A*
-(Hart, Nilsson and Raphael, 1968). The queue is a ring of buckets about one straight step wide (Denardo and Fox, 1979),
-worked through in the order of arrival, so that one cell need not wait for the memory of the one before. The heuristic
-is the octile distance at the lowest cost on the map, which is consistent: the field is exact once the lowest bucket
-lies above the start's value.
+The same field and queue serve plans from scratch, plans continued to another start, and updates after local changes of
+the map. The search is label-correcting (Bertsekas, "Dynamic Programming and Optimal Control", section 2.3.1): a cell
+whose value fell waits in a queue until its neighbours have been updated from it. The queue is ordered by value plus
+heuristic, as in A* (Hart, Nilsson and Raphael, 1968). It is a ring of buckets about one straight step wide (Denardo and
+Fox, 1979); within a bucket the order is that of arrival, so that the processor can load cells in advance. The heuristic
+is the octile distance at the lowest cost that is connected with the goal, which is consistent: the start's value is
+final once the lowest bucket lies above it.
 
-Cells hold 0 where no value is known, so that fresh memory needs no filling; the goal itself holds ROOT_VALUE. Only
-memory near what was looked at is touched, however large the map.
+Cells hold 0 where no value is known, as fresh memory does; the goal's cell holds ROOT_VALUE. Only memory near expanded
+cells is touched, however large the map.
 
-`grow` is one long function on purpose: with its parts in functions of their own, it was a twentieth slower. The layout
-of queue and state is queue_kernels'; names with an underscore are copies of its, which a test compares.
+`grow` is one long function on purpose: split into several, it was a twentieth slower. The layout of queue and state is
+that of queue_kernels; names with an underscore are copies of its constants, which a test compares.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ _BATCH = 64
 
 @kernel("int64(int64[::1], int32[:,::1], float32[:,::1], int64, int64)")
 def _make_room(sizes, cells, keys, slot, taken):
-    """Drop a bucket's entries already worked through, where that is worth it; return how many there still are of them.
+    """Remove a bucket's `taken` processed entries where they are half of it or more; return how many remain of them.
     """
     if 2 * taken < sizes[slot]:
         return taken
@@ -79,20 +79,19 @@ def grow(
                     it waits in the bucket of `through` + heuristic, behind what waits there
 
     Args:
-        costs: The map's costs, row by row, width * height of them; at most 32767 each way.
-        width, height: Of the map, in cells.
-        halves: Shape (256,): half of what a straight step over a cell of each cost counts, inf where it may not be
-            entered.
-        field: Cost to go, as long as `costs`; 0 where not known.
+        costs: The map's costs, flattened row by row, shape (width * height,).
+        width, height: Size of the map in cells, at most 32767 each.
+        halves: Shape (256,): half the weight of each cost, inf where a cell must not be entered.
+        field: Cost to go, shape of `costs`; 0 where not known.
         sizes, cells, keys, state: The queue's ring and its counters, see queue_kernels.
-        start_x, start_y: Where to.
-        slope: What the heuristic counts for a straight step: not more than any step does.
+        start_x, start_y: Column and row of the start, towards which the search grows.
+        slope: The heuristic's cost per straight step: no more than any step costs.
         inverse_width: One over the width of a bucket.
         cancelled: Shape (1,), non-zero to stop.
 
     Returns:
-        A verdict of queue_kernels; after BUCKET_FULL make the buckets larger, after SPREAD_DUE spread the store, and
-        call again.
+        A verdict of queue_kernels. After BUCKET_FULL make the buckets larger, after SPREAD_DUE call `spread`, and call
+        again.
     """
     inf = np.float32(np.inf)
     zero = np.float32(0.0)
@@ -127,7 +126,7 @@ def grow(
                 break
             continue
         if full:
-            # where many keys are equal, one bucket fills while it is emptied: first drop what is done with
+            # with many equal keys one bucket fills while it is processed: first remove processed entries
             taken = _make_room(sizes, cells, keys, slot, taken)
             full = _is_full(sizes, capacity)
             if full:
@@ -138,7 +137,7 @@ def grow(
             if cancelled[0] != 0:
                 verdict = _CANCELLED
                 break
-        # as in fast_marching_kernels: what gets better is put into the queue in batches of several cells
+        # as in fast_marching_kernels: improved neighbours of several cells are queued in one batch
         batch = np.int64(0)
         size = sizes[np.uint64(slot)]
         while taken < size and batch <= _BATCH - 8 and countdown > 0:
@@ -149,7 +148,7 @@ def grow(
             i = y * width + x
             value = field[np.uint64(i)]
             if ring_keys[place] != value:
-                continue  # it was lowered since, and waits elsewhere with its present value
+                continue  # out of date: the cell was lowered since and has another entry
             countdown, expanded = countdown - 1, expanded + 1
             min_column, max_column = min(min_column, x), max(max_column, x)
             min_row, max_row = min(min_row, y), max(max_row, y)
@@ -181,8 +180,8 @@ def grow(
                 at_right_below = field[i - width + 1] if has_right and has_below else zero
                 at_left_above = field[i + width - 1] if has_left and has_above else zero
                 at_right_above = field[i + width + 1] if has_right and has_above else zero
-            # what the neighbours would hold through this cell; what they hold then; and whether they get better: many
-            # at once, since results go into neighbouring places with nothing read in between
+            # values of the neighbours through this cell, their values after the update, and whether they improved;
+            # eight of a kind in a row without branches, so that the compiler can vectorize
             to_left, to_right = value + (own + left), value + (own + right)
             to_below, to_above = value + (own + below), value + (own + above)
             to_left_below = value + (own + left_below) * _DIAGONAL if max(left, below) < inf else inf
@@ -230,7 +229,7 @@ def grow(
             lowered, near = batch_keys[np.uint64(n)], batch_cells[np.uint64(n)]
             dx, dy = abs(np.int64(near & 65535) - start_x), abs(np.int64(near >> 16) - start_y)
             key = lowered + slope * (np.float32(max(dx, dy)) + _OCTILE * np.float32(min(dx, dy)))
-            # too early does no harm, too late would: what lies beyond the ring goes into its last bucket
+            # keys beyond the ring go into its last bucket: to be processed early does no harm
             bucket = min(max(np.int64(key * inverse_width), base), base + (_BUCKETS - 1))
             near_slot = np.uint64(bucket & (_BUCKETS - 1))
             size = sizes[near_slot]
@@ -248,7 +247,7 @@ def grow(
 
 @kernel("float32(uint8[:,::1], float32[::1], int64, int64, int64, int64)")
 def step_cost(costs, halves, x, y, dx, dy):
-    """Return what the step from a cell to a neighbour counts, inf where it may not be taken."""
+    """Return the cost of the step from cell (x, y) to its neighbour (x + dx, y + dy), inf where it is not allowed."""
     height, width = costs.shape
     to_x, to_y = x + dx, y + dy
     if not (0 <= to_x < width and 0 <= to_y < height):
@@ -263,7 +262,7 @@ def step_cost(costs, halves, x, y, dx, dy):
 
 @kernel("boolean(uint8[:,::1], float32[::1], float32[:,::1], int64, int64)")
 def _is_supported_by_steps(costs, halves, field, x, y):
-    """Return whether a neighbour still explains a cell's value: some way on costs no more than it says."""
+    """Return whether a cell's value is justified: by a neighbour's value plus the step to it, or as the goal's."""
     value = field[y, x]
     if value == _ROOT:
         return True
@@ -279,19 +278,20 @@ def _is_supported_by_steps(costs, halves, field, x, y):
 
 @kernel("int64(uint8[:,::1], float32[::1], float32[:,::1], int32[:,::1], int32[::1])")
 def invalidate(costs, halves, field, changed, unsupported):
-    """Forget what is no longer true in a field after costs changed.
+    """Reset values of a field that are too low after costs changed.
 
-    What a cell's value rests on lies lower than the value, so support cannot run in circles (Ramalingam and Reps,
-    "An incremental algorithm for a generalization of the shortest-path problem", 1996).
+    A value is justified by a lower one, so that cells cannot justify each other in a circle (Ramalingam and Reps, "An
+    incremental algorithm for a generalization of the shortest-path problem", 1996).
 
     Args:
-        costs, halves: The map as it is now.
-        field: Changed in place.
+        costs: The present costs, shape (height, width).
+        halves: As for `grow`.
+        field: Shape (height, width), changed in place: cells that are reset hold 0.
         changed: Shape (N, 2): columns and rows of the cells whose costs changed.
-        unsupported: Filled with the cells that were forgotten, row * 65536 + column; longer than 9 N.
+        unsupported: Longer than 9 N; filled with the cells that were reset, as row * 65536 + column.
 
     Returns:
-        How many cells were forgotten, or -1 where `unsupported` is too short: the field is lost then.
+        How many cells were reset, or -1 where `unsupported` is too short; the field is then useless.
     """
     height, width = costs.shape
     count = 0
@@ -319,12 +319,12 @@ def invalidate(costs, halves, field, changed, unsupported):
 
 @kernel("int64(uint8[:,::1], float32[::1], float32[:,::1], int64, int64, int32[:,::1])")
 def follow(costs, halves, field, start_x, start_y, path):
-    """Collect the cells of the cheapest way from a start to the goal, both included, as columns and rows.
+    """Collect the cells of the cheapest path from a start to the goal, both included.
 
     Args:
-        costs, halves, field: As `grow` left them, the start's value being known.
-        start_x, start_y: Where from.
-        path: Shape (M, 2).
+        costs, halves, field: As for `invalidate`, after `grow` reached the start.
+        start_x, start_y: Column and row of the start.
+        path: Shape (M, 2), filled with columns and rows.
 
     Returns:
         How many cells there are, or -1 where `path` is too short.

@@ -1,5 +1,5 @@
 # mypy: allow-untyped-defs, allow-untyped-calls
-"""Compiled way down a potential: points in steps of half a cell along its slope, as navfn goes down its own."""
+"""Compiled gradient descent on a potential, in steps of half a cell as navfn's."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 
 from mbf_relay.kernels import kernel
 
-_STEP = 0.5  # cells between two points of the path, as navfn's
+_STEP = 0.5  # cells between two points of the path, as in navfn
 
 
 @kernel("boolean(float32[:,::1], int64, int64)")
@@ -19,7 +19,7 @@ def _is_known(field, x, y):
 
 @kernel("float64(float32[:,::1], float64, float64)")
 def potential_at(field, x, y):
-    """Return the potential between cell centres, x and y in cells; inf where a centre around is not known."""
+    """Return the potential at (x, y), in cells, interpolated bilinearly; inf where a cell it needs is not known."""
     column, row = int(math.floor(x - 0.5)), int(math.floor(y - 0.5))
     right, up = x - 0.5 - column, y - 0.5 - row
     total = 0.0
@@ -35,7 +35,7 @@ def potential_at(field, x, y):
 
 @kernel("UniTuple(float64, 2)(float32[:,::1], int64, int64)")
 def _slope_at(field, x, y):
-    """Return the potential's slope at a cell's centre, toward known neighbours only."""
+    """Return the potential's gradient (per cell, in x and y) at a cell's centre, from its known neighbours."""
     middle = field[y, x]
     slope_x, slope_y = 0.0, 0.0
     sides = 0
@@ -58,7 +58,8 @@ def _slope_at(field, x, y):
 
 @kernel("UniTuple(float64, 2)(float32[:,::1], float64, float64)")
 def _next_down(field, x, y):
-    """Return the point one step down the slope, or NaN where there is no slope to follow safely."""
+    """Return the point one step down the gradient, in cells; NaN where the gradient is 0 or a cell it needs is unknown.
+    """
     column, row = int(math.floor(x - 0.5)), int(math.floor(y - 0.5))
     right, up = x - 0.5 - column, y - 0.5 - row
     slope_x, slope_y = 0.0, 0.0
@@ -66,7 +67,7 @@ def _next_down(field, x, y):
         for dx in range(2):
             share = (right if dx else 1.0 - right) * (up if dy else 1.0 - up)
             if share == 0.0:
-                continue  # on a line between centres: what is beside it does not matter, be it on the left or the right
+                continue  # on the line between two centres: the cells beside it have no weight
             if not _is_known(field, column + dx, row + dy):
                 return np.nan, np.nan
             one_x, one_y = _slope_at(field, column + dx, row + dy)
@@ -80,7 +81,7 @@ def _next_down(field, x, y):
 
 @kernel("UniTuple(int64, 2)(float32[:,::1], float64, float64)")
 def _cell_at(field, x, y):
-    """Return the cell a point lies in; on a border, the lowest of those beside it, whichever side that is."""
+    """Return the cell, (column, row), that a point lies in; on a border, that of the lowest potential beside it."""
     column, row = int(math.floor(x)), int(math.floor(y))
     best_x, best_y = column, row
     if x == column or y == row:
@@ -95,14 +96,14 @@ def _cell_at(field, x, y):
 def descend(field, start_x, start_y, goal_x, goal_y, path):
     """Collect points down the potential from a start to the goal's cell, in cells (centres at halves).
 
-    Every point lies in a cell of known potential, and so does the line between any two. The potential falls from
-    point to point, so the way down ends: where the slope leads no lower, it goes on from cell to cell.
+    All points and the lines between them lie in cells of known potential. The potential falls from point to point, so
+    that the descent ends; where the gradient leads no lower, the path goes on to the lowest neighbour cell's centre.
 
     Args:
-        field: As `grow` left it, the start's value being known.
-        start_x, start_y: Where from; becomes the first point.
-        goal_x, goal_y: The goal's cell.
-        path: Shape (M, 2).
+        field: Shape (height, width), after `grow` reached the start.
+        start_x, start_y: The first point, in cells.
+        goal_x, goal_y: Column and row of the goal's cell.
+        path: Shape (M, 2), filled with points in cells.
 
     Returns:
         How many points there are, or -1 where `path` is too short; the last lies in the goal's cell or next to it.

@@ -1,14 +1,14 @@
 # mypy: allow-untyped-defs, allow-untyped-calls
-"""Compiled search for smooth paths: the travel time of a front that spreads from the goal.
+"""Compiled search for smooth paths: the arrival time of a front that spreads from the goal (fast marching).
 
 The potential solves the eikonal equation |grad u| = cost on the grid (Sethian, "A fast marching level set method for
-monotonically advancing fronts", 1996; navfn approximates the same update by a polynomial). It grows, and is kept and
-updated, as cost_to_go_kernels does it for 8-connected steps; the queue is the same. Its heuristic is the straight
-distance at the lowest cost around.
+monotonically advancing fronts", 1996; navfn approximates the same update by a polynomial). It is grown, kept and
+updated as the field of cost_to_go_kernels, with the same queue. Its heuristic is the straight distance at the lowest
+cost that is connected with the goal.
 
-`_grow_within` is one long function on purpose: with its parts in functions of their own, it was a fifth slower. The
-layout of queue and state is queue_kernels'; names with an underscore are copies of its, which a test compares, and so
-is the end of `_spread_within`, since a kernel that another calls stays in its file.
+`_grow_within` is one long function on purpose: split into several, it was a fifth slower. The layout of queue and state
+is that of queue_kernels; names with an underscore are copies of its constants, which a test compares. So is the end of
+`_spread_within` a copy of `spread`, since kernels only call kernels of their own file.
 """
 
 from __future__ import annotations
@@ -28,8 +28,8 @@ _CANCEL_CHECK = 4096
 _SPARE = 64
 _BATCH = 64
 _NEVER = 1 << 60
-# The limit is first this times the straight way's cost, then this times as much again: in finer steps where so many
-# cells were looked at that another step costs little beside them.
+# The limit of `grow` starts at _FIRST_LIMIT times the straight line's cost, and rises by the factor _RISE; after
+# _MANY_CELLS expansions, beside which another step costs little, by _FINE_RISE.
 _FIRST_LIMIT, _RISE, _FINE_RISE, _MANY_CELLS = 1.01, 1.2, 1.015, 30000
 # Cells: the straight distance is convex, so value plus heuristic may fall a little along the front.
 _FRONT_SLACK = np.float32(3.0)
@@ -37,7 +37,7 @@ _FRONT_SLACK = np.float32(3.0)
 
 @kernel("float32(float32, float32, float32)")
 def _arrival(across, along, cost):
-    """Return the potential of a cell from the lower of its neighbours on either axis, inf where there is none."""
+    """Return a cell's potential from its weight and its lower neighbour on either axis, inf where there is none."""
     apart = abs(across - along)
     one = min(across, along) + cost
     root = np.float32(math.sqrt(max(np.float32(2.0) * cost * cost - apart * apart, np.float32(0.0))))
@@ -52,7 +52,7 @@ def _or_inf(value):
 
 @kernel("int64(int64[::1], int32[:,::1], float32[:,::1], int64, int64)")
 def _make_room(sizes, cells, keys, slot, taken):
-    """Drop a bucket's entries already worked through, where that is worth it; return how many of them are left."""
+    """Remove a bucket's `taken` processed entries where they are half of it or more; return how many remain of them."""
     if 2 * taken < sizes[slot]:
         return taken
     for i in range(taken, sizes[slot]):
@@ -72,9 +72,9 @@ def _is_full(sizes, capacity):
 @kernel("boolean(int64[::1], int32[:,::1], float32[:,::1], int32[::1], float32[::1], int64[::1], int64, int64,"
         " float32, float32, float32)")
 def _spread_within(sizes, cells, keys, apart_cells, apart_keys, state, start_x, start_y, slope, inverse_width, limit):
-    """Move from the store into the ring what belongs there: as queue_kernels.spread, where keys are values alone.
+    """Move entries from the store into the ring as queue_kernels.spread does, but ordered by their values alone.
 
-    Where value plus heuristic is above `limit`, an entry stays in the store.
+    Entries whose value plus heuristic is above `limit` stay in the store.
     """
     count = state[_APART]
     base = state[_BASE]
@@ -139,16 +139,16 @@ def _grow_within(
                     it waits in the bucket of `arrival`; in the store where `arrival` + heuristic is above the limit
 
     Args:
-        costs: The map's costs, row by row, width * height of them; at most 32767 each way.
-        width, height: Of the map, in cells.
-        weights: Shape (256,): what crossing a cell of each cost counts, inf where it may not be entered.
-        field: Potential, as long as `costs`; 0 where not known.
+        costs: The map's costs, flattened row by row, shape (width * height,).
+        width, height: Size of the map in cells, at most 32767 each.
+        weights: Shape (256,): weight of each cost, inf where a cell must not be entered.
+        field: Potential, shape of `costs`; 0 where not known.
         sizes, cells, keys, apart_cells, apart_keys, state: The queue, see queue_kernels; what is beyond the limit goes
             into the store.
-        start_x, start_y: Where to.
-        slope: What the heuristic counts for one cell: not more than crossing any does.
+        start_x, start_y: Column and row of the start, towards which the search grows.
+        slope: The heuristic's cost per cell: no more than any weight.
         inverse_width: One over the width of a bucket.
-        limit: Value plus heuristic up to which cells are looked at.
+        limit: Value plus heuristic up to which cells are expanded.
         cancelled: Shape (1,), non-zero to stop.
 
     Returns:
@@ -195,8 +195,8 @@ def _grow_within(
             if cancelled[0] != 0:
                 verdict = _CANCELLED
                 break
-        # the neighbours that get better are put into the queue in batches: how many there are of one cell is anyone's
-        # guess, and a loop that ends sooner or later for each cell costs a processor that guesses wrong too much
+        # improved neighbours of several cells are queued in one batch: their number per cell varies, and a short loop
+        # of varying length for each cell would cost mispredicted branches
         batch = np.int64(0)
         size = sizes[np.uint64(slot)]
         while taken < size and batch <= _BATCH - 4 and countdown > 0:
@@ -233,9 +233,9 @@ def _grow_within(
                 cost_above = weights[costs[i + width]] if has_above else inf
             left_below, right_below = _or_inf(left_below), _or_inf(right_below)
             left_above, right_above = _or_inf(left_above), _or_inf(right_above)
-            # What the neighbours would hold through this cell, by the lower of their own neighbours across the step;
-            # what they hold then; and whether they get better. Four of a kind are computed at once, since four results
-            # go into neighbouring places, with nothing read in between and no branch.
+            # Values of the neighbours through this cell and the lower of their own neighbours across the step, their
+            # values after the update, and whether they improved; four of a kind in a row without branches, so that the
+            # compiler can vectorize.
             to_left = _arrival(own, min(left_below, left_above), cost_left)
             to_right = _arrival(own, min(right_below, right_above), cost_right)
             to_below = _arrival(own, min(left_below, right_below), cost_below)
@@ -276,7 +276,7 @@ def _grow_within(
                 apart_keys[apart] = lowered
                 apart += 1
                 continue
-            # too early does no harm, too late would: what lies beyond the ring goes into its last bucket
+            # keys beyond the ring go into its last bucket: to be processed early does no harm
             bucket = min(max(np.int64(lowered * inverse_width), base), base + (_BUCKETS - 1))
             near_slot = np.uint64(bucket & (_BUCKETS - 1))
             size = sizes[near_slot]
@@ -302,9 +302,9 @@ def grow(
     """Grow the potential until the start's value is final: within a limit that rises step by step until it lies above.
 
     Args:
-        straight: Cells between the start and the goal.
-        expected: What the start's value was before the last change, seldom far from what it will be; 0 for not known.
-        progress: Shape (3,), zeros at first: limit, by how much more than usual it rises next, and verdict to go on at.
+        straight: Straight distance (cells) from start to goal.
+        expected: The start's value before the last change of the map, often close to the new one; 0 for not known.
+        progress: Shape (3,), kept between calls, zeros at first: limit, extra factor of its next rise, last verdict.
         costs, width, height, weights, field, sizes, cells, keys, apart_cells, apart_keys, state, start_x, start_y,
             slope, inverse_width, cancelled: See `_grow_within`.
 
@@ -360,9 +360,9 @@ def _below(field, x, y, value):
 
 @kernel("boolean(uint8[:,::1], float32[::1], float32[:,::1], int64, int64)")
 def _is_supported_by_front(costs, weights, field, x, y):
-    """Return whether lower neighbours still explain a cell's value.
+    """Return whether a cell's value is justified, as the goal's or by its lower neighbours.
 
-    The fast-marching update gives no more than it says.
+    That is where the fast-marching update from them gives no more.
     """
     value = field[np.uint64(y), np.uint64(x)]
     if value == _ROOT:
@@ -374,7 +374,7 @@ def _is_supported_by_front(costs, weights, field, x, y):
 
 @kernel("int64(uint8[:,::1], float32[::1], float32[:,::1], int32[:,::1], int32[::1])")
 def invalidate(costs, weights, field, changed, unsupported):
-    """Forget what is no longer true in a potential; as cost_to_go_kernels.invalidate, with `weights` as in `grow`."""
+    """Reset values that are too low after costs changed, as cost_to_go_kernels.invalidate; `weights` as in `grow`."""
     height, width = costs.shape
     count = 0
     for n in range(changed.shape[0]):

@@ -1,4 +1,4 @@
-"""Incremental distance fields: costs to go to one goal, grown as far as a plan needs, kept for the next one."""
+"""Incremental fields of costs to go to one goal: grown as far as a plan needs, and kept for the next plan."""
 
 from __future__ import annotations
 
@@ -17,26 +17,26 @@ Cell = Tuple[int, int]
 """Column and row."""
 
 WORTH_UPDATING = 0.1
-"""Share of the cells looked at whose change is worked in; where more changed, a new field is quicker."""
+"""Share of the expanded cells that may have changed for an update; with more, growing a new field is faster."""
 
 STORE_PER_CELL = 4
-"""Entries waiting for each cell looked at beyond which a new field is quicker."""
+"""Entries waiting per expanded cell above which growing a new field is faster."""
 
-_HEURISTIC_SHARE = np.float32(0.99999)  # a hair less than the truth, so that rounding never makes it more
+_HEURISTIC_SHARE = np.float32(0.99999)  # slightly below 1, so that rounding never makes the heuristic too high
 _FIRST_BUCKET = 512
 _FIRST_STORE = 1 << 12
 
 
 class IncrementalField(abc.ABC):
-    """A field over the cells of a grid that falls toward one goal, exact for every cell a plan needed.
+    """Costs to go from the cells of a grid to one goal, exact for every cell a plan needs.
 
-    Called again for the same goal, it is read where it reaches the start, grown on where not, and updated first where
-    costs changed; its values are those of one grown from scratch.
+    For the same goal, the next call first updates the field where costs changed, and then grows it only if it does not
+    reach the start yet. Its values equal those of a field grown from scratch.
 
     Attributes:
-        expanded: Cells looked at in the last call, for benchmarks.
-        invalidated: Cells that lost their value to changes in the last call, None where the field was begun anew.
-        table: What the kernels look the last call's costs up in, see `table_of`.
+        expanded: Cells expanded in the last call, for benchmarks.
+        invalidated: Cells reset because of changes in the last call; None where the field was grown from scratch.
+        table: Shape (256,): the last call's weights as the kernels use them, see `table_of`.
     """
 
     kernels: ClassVar[Any]
@@ -52,13 +52,13 @@ class IncrementalField(abc.ABC):
         self.table = np.zeros(256, dtype=np.float32)
         self._revision = 0
         self._slope = np.float32(0.0)
-        self._weights = b""  # as bytes, which are compared in a tenth of the time
+        self._weights = b""  # as bytes: ten times faster to compare
         self._highest = np.float32(0.0)  # of the weights
         self._free = np.zeros(256, dtype=np.bool_)  # costs whose weight is above 0
         self._cheapest = 0  # the cost of the lowest weight
         self._lowest_from = self.table  # the lowest weight of each cost and those above it
         self._field = np.zeros((0, 0), dtype=np.float32)
-        self._seen = np.zeros((0, 0), dtype=np.uint8)  # the costs the field was made from, where it looked
+        self._seen = np.zeros((0, 0), dtype=np.uint8)  # the costs the field was grown from, in `_looked_at`
         self._sizes = np.zeros(queue_kernels.BUCKETS, dtype=np.int64)
         self._cells = np.zeros((queue_kernels.BUCKETS, _FIRST_BUCKET), dtype=np.int32)
         self._keys = np.zeros((queue_kernels.BUCKETS, _FIRST_BUCKET), dtype=np.float32)
@@ -69,27 +69,27 @@ class IncrementalField(abc.ABC):
     @staticmethod
     @abc.abstractmethod
     def table_of(weights: np.ndarray) -> np.ndarray:
-        """Return what the kernels look costs up in, from the weights: shape (256,), float32."""
+        """Return the table of costs that the kernels use, made from the weights: shape (256,), float32."""
 
     def reach(
         self, costs: np.ndarray, weights: np.ndarray, start: Cell, goal: Cell, cancelled: Cancellation,
         revision: int = 0, all_around: bool = False,
     ) -> bool:
-        """Have the field reach from a goal to a start; False where no free cells connect them.
+        """Grow the field from a goal until the start's value is final; return False where no free cells connect them.
 
         Args:
             costs: Shape (height, width), uint8, C-contiguous.
-            weights: Shape (256,), float32: what crossing a cell of each cost counts; 0 where it may not be entered.
-            start, goal: Cells of the grid whose weight is above 0.
+            weights: Shape (256,), float32: path cost per cell of length for each cost; 0 where it must not be entered.
+            start, goal: Cells, (column, row), whose weight is above 0.
             cancelled: Stops the search when set.
-            revision: Of the costmap: equal ones stand for equal costs, which need no look; 0 for none.
-            all_around: Look at every cell nearer to the goal than the start instead of mainly toward the start.
+            revision: The costmap's: costs of equal revisions are not compared; 0 for none.
+            all_around: Search without the heuristic (Dijkstra), so that the field is known in all directions.
 
         Raises:
             PlanningError: CANCELED, or MAP_ERROR where the map is too large.
         """
         may_keep, before = self._may_keep(costs, weights, goal), 0
-        # what the start's value was, a change seldom leaves far behind: to grow up to there at once saves many steps
+        # a change seldom alters the start's value much: growing to the old value at once saves many steps
         expected = self._field[start[1], start[0]] if may_keep else np.float32(0.0)
         if may_keep and self._update(costs, revision):
             before = int(self._state[queue_kernels.EXPANDED])
@@ -107,14 +107,14 @@ class IncrementalField(abc.ABC):
         return bool(self._field[start[1], start[0]] > 0.0)
 
     def field(self) -> np.ndarray:
-        """Return the field, shape (height, width), float32; 0 where nothing is known. Not to be kept."""
+        """Return the field, shape (height, width), float32; 0 where unknown. The next call of `reach` overwrites it."""
         return self._field
 
     def _may_keep(self, costs: np.ndarray, weights: np.ndarray, goal: Cell) -> bool:
         return goal == self._goal and costs.shape == self._field.shape and weights.tobytes() == self._weights
 
     def _begin(self, costs: np.ndarray, weights: np.ndarray, goal: Cell) -> None:
-        """Start a field that holds the goal alone."""
+        """Reset the field to the goal's cell alone."""
         height, width = costs.shape
         if max(height, width) > LARGEST_SIDE:
             raise PlanningError(
@@ -141,7 +141,7 @@ class IncrementalField(abc.ABC):
         state[queue_kernels.APART] = 1
 
     def _take_weights(self, weights: np.ndarray) -> None:
-        """Keep weights and what is looked up of them in every plan."""
+        """Keep the weights, and what every plan derives from them."""
         self._weights = weights.tobytes()
         self._highest = weights.max()
         self.table = self.table_of(weights)
@@ -151,7 +151,7 @@ class IncrementalField(abc.ABC):
         self._lowest_from = np.minimum.accumulate(counted[::-1])[::-1].copy()
 
     def _looked_at(self) -> Tuple[slice, slice]:
-        """Return the part of the map the field rests on: the cells expanded and those next to them."""
+        """Return slices (rows, columns) of a box that holds the expanded cells and their neighbours."""
         state = self._state
         return (
             slice(max(int(state[queue_kernels.MIN_ROW]) - 1, 0), int(state[queue_kernels.MAX_ROW]) + 2),
@@ -163,7 +163,7 @@ class IncrementalField(abc.ABC):
         self._seen[part] = costs[part]
 
     def _update(self, costs: np.ndarray, revision: int) -> bool:
-        """Bring the field in order after changes of the map; False where it is better begun anew."""
+        """Update the field after changes of the map; return False where growing a new one is better."""
         if revision != 0 and revision == self._revision:
             self._set_apart()
             self.invalidated = 0
@@ -176,7 +176,7 @@ class IncrementalField(abc.ABC):
         if len(changed) == 0:
             return True
         if waiting > STORE_PER_CELL * int(self._state[queue_kernels.EXPANDED]) + _FIRST_STORE:
-            return False  # many updates have left the same cells waiting many times over
+            return False  # after many updates the same cells wait several times
         unsupported = np.empty(self._seen[self._looked_at()].size + 9 * len(changed), dtype=np.int32)
         forgotten = int(self.kernels.invalidate(costs, self.table, self._field, changed, unsupported))
         if forgotten < 0:
@@ -188,7 +188,7 @@ class IncrementalField(abc.ABC):
         return True
 
     def _changed(self, costs: np.ndarray) -> Optional[np.ndarray]:
-        """Return columns and rows of the cells that changed since the field looked, (N, 2); None for too many."""
+        """Return the cells, (N, 2), whose costs changed since the field was grown; None for too many."""
         rows, columns = self._looked_at()
         height, width = costs.shape
         most = int(WORTH_UPDATING * max(int(self._state[queue_kernels.EXPANDED]), 1))
@@ -198,7 +198,7 @@ class IncrementalField(abc.ABC):
         return None if found < 0 else changed[:found]
 
     def _set_apart(self) -> int:
-        """Empty the queue's ring into its store; returns how many entries wait there."""
+        """Empty the queue's ring into its store; return how many entries wait there."""
         while True:
             waiting = queue_kernels.set_apart(
                 self._field, self._sizes, self._cells, self._keys, self._apart_cells, self._apart_keys, self._state)
@@ -207,7 +207,7 @@ class IncrementalField(abc.ABC):
             self._reserve(-waiting)
 
     def _reserve(self, entries: int) -> None:
-        """Make the store long enough for so many entries in all."""
+        """Enlarge the store where it has room for fewer entries than `entries`."""
         if len(self._apart_cells) < entries:
             self._apart_cells = np.resize(self._apart_cells, 2 * entries)
             self._apart_keys = np.resize(self._apart_keys, 2 * entries)
@@ -216,25 +216,23 @@ class IncrementalField(abc.ABC):
     def _grow(
         self, costs: np.ndarray, start: Cell, cancelled: Cancellation, slope: np.float32, expected: np.float32
     ) -> int:
-        """Grow the field until the start's value is final; returns a verdict that asks for no more memory.
+        """Grow the field until the start's value is final; return REACHED, EXHAUSTED or CANCELLED of queue_kernels.
 
         Args:
-            costs: As for `reach`.
-            start: Likewise.
-            cancelled: Likewise.
-            slope: What the heuristic counts for one cell.
-            expected: What the start's value was before the last change; 0 for not known.
+            costs, start, cancelled: As for `reach`.
+            slope: The heuristic's cost per cell.
+            expected: The start's value before the last change of the map; 0 for not known.
         """
 
     def _cells_and_queue(self, costs: np.ndarray) -> Tuple[Any, ...]:
-        """Return costs, table, field and queue as the kernels that grow take them."""
+        """Return costs, table, field and queue as the first arguments of the kernels `grow`."""
         height, width = costs.shape
         return (
             costs.reshape(-1), width, height, self.table, self._field.reshape(-1), self._sizes, self._cells, self._keys,
             self._apart_cells, self._apart_keys, self._state)
 
     def _lowest_weight(self, costs: np.ndarray) -> np.float32:
-        """Return a weight no cell connected with the goal goes below: the higher, the steeper the heuristic."""
+        """Return a lower bound of the weights of cells connected with the goal, for the heuristic."""
         assert self._goal is not None
         lowest = queue_kernels.lowest_connected(costs, self._free, self._goal[0], self._goal[1], self._cheapest)
         return np.float32(self._lowest_from[lowest])
@@ -245,10 +243,10 @@ class IncrementalField(abc.ABC):
 
 
 class CostToGo(IncrementalField):
-    """Costs to go over 8-connected steps: exact, and so are the paths.
+    """Exact costs to go over 8-connected steps.
 
-    A step between two cells costs the mean of what the cells count, times its length; a diagonal step needs both
-    orthogonal neighbours free.
+    A step costs the mean of the two cells' weights times its length (cells); a diagonal step is only allowed where both
+    orthogonal neighbours may be entered.
     """
 
     kernels: ClassVar[Any] = cost_to_go_kernels
@@ -262,7 +260,7 @@ class CostToGo(IncrementalField):
     def _grow(
         self, costs: np.ndarray, start: Cell, cancelled: Cancellation, slope: np.float32, expected: np.float32
     ) -> int:
-        # one expansion raises the key by no more than the ring is long
+        # buckets so wide that no expansion raises the key by more than the ring's length
         widest = np.float32(1.5) * (self._highest + slope) / np.float32(queue_kernels.BUCKETS - 3)
         aim = (start[0], start[1], slope, np.float32(1.0) / max(slope * self.bucket, widest))
         verdict = queue_kernels.SPREAD_DUE
@@ -278,7 +276,7 @@ class CostToGo(IncrementalField):
                 return verdict
 
     def path(self, costs: np.ndarray, start: Cell) -> np.ndarray:
-        """Return the cells of the cheapest way from a start the field reaches: (N, 2) int32, the goal's cell last."""
+        """Return the cells of the cheapest path from a start that the field reaches: (N, 2) int32, the goal's last."""
         size = 4 * max(costs.shape) + 16
         while True:
             path = np.empty((size, 2), dtype=np.int32)
@@ -289,7 +287,7 @@ class CostToGo(IncrementalField):
 
 
 class FastMarchingPotential(IncrementalField):
-    """The fast-marching potential: travel time of a front from the goal by the eikonal equation, for smooth paths."""
+    """The fast-marching potential: arrival time of a front from the goal by the eikonal equation, for smooth paths."""
 
     kernels: ClassVar[Any] = fast_marching_kernels
     bucket: ClassVar[np.float32] = np.float32(0.7)  # a front rises by less than a step from cell to cell
@@ -319,10 +317,10 @@ class FastMarchingPotential(IncrementalField):
                 return verdict
 
     def path(self, start: Tuple[float, float]) -> np.ndarray:
-        """Return points down the potential to the goal's cell or the one next to it: (N, 2), in cells.
+        """Return points down the potential to the goal's cell or one next to it: (N, 2), in cells.
 
         Args:
-            start: In cells, the centre of a cell at halves; in a cell the field reaches. The first point.
+            start: The first point, in cells (centres at halves), in a cell that the field reaches.
         """
         assert self._goal is not None
         size = 16 * max(self._field.shape) + 16
@@ -334,7 +332,7 @@ class FastMarchingPotential(IncrementalField):
             size *= 4
 
     def cost_at(self, x: float, y: float) -> float:
-        """Return the potential at a point, in cells, above the goal's: what the way down from there counts."""
+        """Return the cost of the path from a point, in cells: its potential less the goal's."""
         value = descent_kernels.potential_at(self._field, x, y)
         if not np.isfinite(value):
             value = self._field[int(y), int(x)]

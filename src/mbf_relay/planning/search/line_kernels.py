@@ -1,5 +1,5 @@
 # mypy: allow-untyped-defs, allow-untyped-calls
-"""Compiled straight lines over weighted cells: what they count, and string pulling along them."""
+"""Compiled loops for straight lines over weighted cells: their cost, and string pulling."""
 
 from __future__ import annotations
 
@@ -9,20 +9,20 @@ import numpy as np
 
 from mbf_relay.kernels import kernel
 
-_CORNER = 1e-9  # cells: nearer than this to a corner, a line passes through it
-_MOVE = 0.37  # cells: no sum of it and its halves is half a cell, so that no point comes to lie on a border
-_GAIN = 1e-4  # share of what a point's two lines count by which a move has to make them cheaper
+_CORNER = 1e-9  # cells from a corner within which a line counts as passing through it
+_MOVE = 0.37  # cells: no sum of it, its half and its quarter is half a cell, which would put a point on a border
+_GAIN = 1e-4  # share of the cost of a point's two lines that a move must save
 
 
 @kernel("float64(uint8[:,::1], float32[::1], float64, float64, float64, float64)")
 def line_cost(costs, weights, x0, y0, x1, y1):
-    """Return what a straight line counts: its length in each cell times the cell's weight, inf where it is blocked.
+    """Return the cost of a straight line: its length in each cell times the cell's weight, inf where it is blocked.
 
-    Through a corner it passes only where both cells beside are free too.
+    Through a corner it may pass only where both cells beside it may be entered too.
 
     Args:
         costs: Shape (height, width).
-        weights: Shape (256,), inf where a cell may not be entered.
+        weights: Shape (256,), inf where a cell must not be entered.
         x0, y0, x1, y1: The ends in cells, centres at halves, within the map.
     """
     column, row = int(x0), int(y0)  # rounds down, and without a call, since no point within the map lies below 0
@@ -69,7 +69,7 @@ def line_cost(costs, weights, x0, y0, x1, y1):
 
 @kernel("float64(uint8[:,::1], float32[::1], float64[:,::1])")
 def polyline_cost(costs, weights, points):
-    """Return what a path of straight lines counts; `points` is (N, 2), in cells."""
+    """Return the cost of a path of straight lines; `points` has shape (N, 2), in cells."""
     total = 0.0
     for n in range(points.shape[0] - 1):
         total += line_cost(costs, weights, points[n, 0], points[n, 1], points[n + 1, 0], points[n + 1, 1])
@@ -78,23 +78,23 @@ def polyline_cost(costs, weights, points):
 
 @kernel("int64(uint8[:,::1], float32[::1], float64[:,::1], int64)")
 def pull_string(costs, weights, points, passes):
-    """Straighten a path in place by string pulling; it never counts more than before. Return how many points are left.
+    """Straighten a path in place by string pulling, which never raises its cost; return how many points are left.
 
-    Points that a straight line past them makes cheaper, or no dearer, are dropped; when none is left to drop, each is
-    moved by parts of a cell where that makes its two lines cheaper by a ten-thousandth; until nothing changes. What was
-    tried in vain is not tried again before the point or one of its neighbours has changed.
+    Points are dropped where the straight line between their neighbours costs no more. When none can be dropped, points
+    are moved by a part of a cell where that makes their two lines cheaper by the share _GAIN; until nothing changes.
+    What failed is not tried again until the point or a neighbour has changed.
 
     Args:
         costs, weights: As for `line_cost`.
         points: Shape (N, 2), in cells; the first and the last stay.
-        passes: How often at most.
+        passes: Largest number of passes over the path.
     """
     count = points.shape[0]
-    lines = np.empty(count, np.float64)  # of each point to the next
+    lines = np.empty(count, np.float64)  # cost of the line from each point to the next
     for n in range(count - 1):
         lines[n] = line_cost(costs, weights, points[n, 0], points[n, 1], points[n + 1, 0], points[n + 1, 1])
-    stays = np.zeros(count, np.bool_)  # dropping it was tried in vain
-    rests = np.zeros(count, np.bool_)  # moving it by `reach` was tried in vain
+    stays = np.zeros(count, np.bool_)  # dropping it failed
+    rests = np.zeros(count, np.bool_)  # moving it by `reach` failed
     reach = _MOVE
     for _ in range(passes):
         changed = False

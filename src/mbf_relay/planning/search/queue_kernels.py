@@ -1,12 +1,12 @@
 # mypy: allow-untyped-defs, allow-untyped-calls
-"""The queue of a label-correcting search, and what its fields share.
+"""The queue of a label-correcting search, and kernels shared by the fields that use it.
 
-The queue is a ring of buckets about one straight step wide (Denardo and Fox, 1979), worked through in the order of
-arrival, so that one cell need not wait for the memory of the one before. What lies too far up for the ring waits in a
-store beside it; a new aim, which changes every key, empties the ring into the store and spreads it out again.
+The queue is a ring of buckets about one straight step wide (Denardo and Fox, 1979); within a bucket the order is that
+of arrival, so that the processor can load cells in advance. Entries with keys beyond the ring wait in a store. A new
+start changes all keys: the ring is then emptied into the store, and filled from it again.
 
-An entry is a cell (row * 65536 + column) and the value it had when it was put there: where the cell's value is another
-one now, the entry is out of date, because the cell waits elsewhere too.
+An entry is a cell (row * 65536 + column) and the value it had when it was queued. Where the cell's value is another one
+now, the entry is out of date, and the cell has a newer entry.
 """
 
 from __future__ import annotations
@@ -24,18 +24,18 @@ ROOT_VALUE = 1.0  # of the goal's own cell: any value above 0
 # module that uses it copies what it needs, under the same names with an underscore; a test compares the copies.
 WAITING = 0  # entries in the ring
 BASE = 1  # number of the lowest bucket
-TAKEN = 2  # entries of the lowest bucket already worked through
+TAKEN = 2  # entries of the lowest bucket already processed
 APART = 3  # entries in the store
-NEXT_SPREAD = 4  # number of the lowest bucket at which the store must be looked through again
-MIN_COLUMN, MIN_ROW, MAX_COLUMN, MAX_ROW = 5, 6, 7, 8  # cells expanded
-EXPANDED = 9  # how many, since the field was begun
+NEXT_SPREAD = 4  # number of the lowest bucket from which on the ring must be filled from the store again
+MIN_COLUMN, MIN_ROW, MAX_COLUMN, MAX_ROW = 5, 6, 7, 8  # bounding box of the expanded cells
+EXPANDED = 9  # number of expansions since the field was reset
 STATE_SIZE = 10
 
 # verdicts of the kernels that grow a field
 REACHED, EXHAUSTED, CANCELLED, BUCKET_FULL, SPREAD_DUE, STORE_FULL = 0, 1, 2, 3, 4, 5
 
-CANCEL_CHECK = 4096  # expansions between two looks at the flag: a fraction of a millisecond
-SPARE = 64  # entries a kernel may add to a bucket before it looks again whether there is room
+CANCEL_CHECK = 4096  # expansions between two checks of the flag: a fraction of a millisecond
+SPARE = 64  # entries a kernel may add to a bucket before it checks again for room
 
 _BUCKETS = 64
 _WAITING, _BASE, _TAKEN, _APART, _NEXT_SPREAD = 0, 1, 2, 3, 4
@@ -53,17 +53,17 @@ def _lowest(cells, lowest):
 
 @kernel("int64(uint8[:,::1], boolean[::1], int64, int64, int64)")
 def lowest_connected(costs, free, start_x, start_y, enough):
-    """Return a cost that no cell connected with a free one goes below; `enough` as soon as it is not above that.
+    """Return a lower bound of the costs of cells connected with a free cell, not below `enough`.
 
-    Each row holds one span of columns that covers what is connected in it. A span reaches into the rows beside it as
-    far as the free cells there go that touch it, until no span grows. What lies between the ends of a span counts
-    too, connected or not, so that the result may be lower than need be; but only the ends are looked for cell by cell.
+    For each row one span of columns is kept that covers the connected cells in it. Spans are extended to the free cells
+    that touch the spans of the rows beside them, until none grows. All cells in a span count, connected or not, so that
+    the bound may be lower than necessary; but only the spans' ends are searched cell by cell.
 
     Args:
         costs: Shape (height, width).
         free: Shape (256,): whether cells of each cost may be entered.
-        start_x, start_y: A free cell.
-        enough: No cell counts less than this.
+        start_x, start_y: Column and row of the free cell.
+        enough: Value that is returned as soon as the bound reaches it, and for mazes, where the search would take long.
     """
     height, width = costs.shape
     firsts = np.full(height, width, np.int32)
@@ -84,7 +84,7 @@ def lowest_connected(costs, free, start_x, start_y, enough):
     while count > 0 and lowest > enough:
         left_to_do -= 1
         if left_to_do < 0:
-            return enough  # a maze: not worth the while
+            return enough  # a maze
         count -= 1
         row = np.int64(rows[count])
         waits[row] = 0
@@ -123,12 +123,12 @@ def _differ(old, new):
 
 @kernel("int64(uint8[:,::1], uint8[:,::1], int64, int64, int64, int64, int32[:,::1])")
 def changed_cells(costs, seen, x0, y0, x1, y1, changed):
-    """Find the cells of a window whose costs are not those seen last; return how many, -1 where there is no room.
+    """Find the cells of a window whose costs changed; return how many, or -1 where these are more than M.
 
     Args:
-        costs, seen: Shape (height, width).
+        costs, seen: Costs now and before, shape (height, width).
         x0, y0, x1, y1: Columns and rows of the window, the ends not included.
-        changed: Shape (M, 2): filled with columns and rows, row by row.
+        changed: Shape (M, 2), filled with columns and rows, row by row.
     """
     count = 0
     for y in range(y0, y1):
@@ -146,15 +146,16 @@ def changed_cells(costs, seen, x0, y0, x1, y1, changed):
 @kernel("boolean(int64[::1], int32[:,::1], float32[:,::1], int32[::1], float32[::1], int64[::1], int64, int64,"
         " float32, float32)")
 def spread(sizes, cells, keys, apart_cells, apart_keys, state, start_x, start_y, slope, inverse_width):
-    """Move from the store into the ring what belongs there, where keys are values plus the octile distance.
+    """Move entries from the store into the ring, where it covers their keys: values plus octile distance times `slope`.
 
-    The lowest bucket moves up to the lowest entry where the ring is empty.
+    If the ring is empty, it first moves up to the lowest entry.
 
     Args:
-        sizes, cells, keys: The ring: entries in each bucket; their cells and the cells' values.
-        apart_cells, apart_keys, state: The store and the counters, see above.
-        start_x, start_y: What the search aims for.
-        slope: What the heuristic counts for one cell.
+        sizes, cells, keys: The ring: number of entries in each bucket, shape (64,); their cells and the cells' values,
+            shape (64, capacity).
+        apart_cells, apart_keys, state: The store, shape (its capacity,) each, and the counters; see the module.
+        start_x, start_y: Column and row of the start.
+        slope: The heuristic's cost per cell.
         inverse_width: One over the width of a bucket.
 
     Returns:
@@ -195,15 +196,15 @@ def spread(sizes, cells, keys, apart_cells, apart_keys, state, start_x, start_y,
             kept += 1
             next_bucket = min(next_bucket, buckets[i])
     state[_APART] = kept
-    state[_NEXT_SPREAD] = next_bucket  # not sooner: each spread then brings a whole ring of buckets
+    state[_NEXT_SPREAD] = next_bucket  # no sooner, so that each call fills a whole ring
     return True
 
 
 @kernel("int64(float32[:,::1], int64[::1], int32[:,::1], float32[:,::1], int32[::1], float32[::1], int64[::1])")
 def set_apart(field, sizes, cells, keys, apart_cells, apart_keys, state):
-    """Empty the ring into the store, for a new aim; what is out of date is dropped. Return how many wait there.
+    """Empty the ring into the store, without entries out of date; return the number of entries in the store.
 
-    The store must have room for all that wait; a negative result is minus the room it needs, and nothing was moved.
+    A negative result is minus the room needed in the store, which was too small; nothing was moved then.
     """
     if state[_APART] + state[_WAITING] > apart_cells.shape[0]:
         return -(state[_APART] + state[_WAITING])
@@ -227,12 +228,12 @@ def set_apart(field, sizes, cells, keys, apart_cells, apart_keys, state):
 
 @kernel("int64(float32[:,::1], int32[:,::1], int32[::1], int64, int32[::1], float32[::1], int64[::1])")
 def requeue(field, changed, forgotten, count, apart_cells, apart_keys, state):
-    """Put into the store every known cell in or next to cells that changed or were forgotten.
+    """Put every known cell in or next to cells that changed or were reset into the store; return its new size.
 
     Args:
-        field: The field, forgotten cells holding 0.
+        field: Shape (height, width); reset cells hold 0.
         changed: Shape (N, 2): columns and rows of cells whose costs changed.
-        forgotten, count: The first `count` are cells that lost their value, row * 65536 + column.
+        forgotten, count: The first `count` entries are cells that were reset, row * 65536 + column.
         apart_cells, apart_keys, state: The store, with room for 9 entries for each of these cells, and the counters.
     """
     height, width = field.shape

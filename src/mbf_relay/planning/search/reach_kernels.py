@@ -1,5 +1,5 @@
 # mypy: allow-untyped-defs, allow-untyped-calls
-"""Compiled floods: which cells can be reached, and where the widest way is narrowest."""
+"""Compiled flood fills: reachable cells, ways out of blocked cells, and the bottleneck of the widest path."""
 
 from __future__ import annotations
 
@@ -7,21 +7,21 @@ import numpy as np
 
 from mbf_relay.kernels import kernel
 
-_CANCEL_CHECK = 8191  # cells between two looks at the flag, less one
+_CANCEL_CHECK = 8191  # cells between two checks of the flag, less one
 
 
 @kernel("boolean(uint8[:,::1], boolean[::1], int64, int64, float64, float64, float64, int64, uint8[:,::1], uint8[::1])")
 def flood_towards(costs, free, start_x, start_y, goal_x, goal_y, radius, further, reached, cancelled):
-    """Mark the free cells connected to a start, step by step, until some time after the first near a goal.
+    """Mark the free cells connected with a start, in order of distance, until some steps after the first near a goal.
 
     Args:
         costs: Shape (height, width).
         free: Shape (256,): whether cells of each cost may be entered.
-        start_x, start_y: A free cell.
-        goal_x, goal_y: A point in cells, centres at halves; it may lie outside.
-        radius: Cells no farther from the goal (in cells) are near it.
-        further: How many steps from cell to cell (4-connected) are made once one of them is marked.
-        reached: Scratch of `costs`' shape, all 0; 1 where a cell is marked.
+        start_x, start_y: Column and row of a free cell.
+        goal_x, goal_y: The goal in cells, centres at halves; it may lie outside.
+        radius: Distance (cells) up to which a cell counts as near the goal.
+        further: Steps (4-connected) to go on after the first cell near the goal was marked.
+        reached: Shape of `costs`, all 0; set to 1 where a cell is marked.
         cancelled: Shape (1,), non-zero to stop.
 
     Returns:
@@ -46,7 +46,7 @@ def flood_towards(costs, free, start_x, start_y, goal_x, goal_y, radius, further
         y, x = queue[done] // width, queue[done] % width
         done += 1
         if count + 4 > queue.shape[0]:
-            if done > queue.shape[0] // 2:  # the front half is done with
+            if done > queue.shape[0] // 2:  # its front half is processed
                 queue[:count - done] = queue[done:count].copy()
                 count -= done
                 step_ends -= done
@@ -69,17 +69,17 @@ def flood_towards(costs, free, start_x, start_y, goal_x, goal_y, radius, further
 
 @kernel("int64(uint8[:,::1], boolean[::1], boolean[::1], int64, int64, int64, int32[:,::1])")
 def way_out(costs, free, passable, start_x, start_y, reach, path):
-    """Find the shortest way (4-connected) from a cell that is not free over passable ones to the nearest free cell.
+    """Find the shortest path (4-connected) from a cell that is not free, over passable cells, to the nearest free cell.
 
     Args:
         costs: Shape (height, width).
-        free, passable: Shape (256,): whether cells of each cost are free, and may be left over.
-        start_x, start_y: The cell to leave.
-        reach: How many cells away the free cell may lie, each way.
-        path: Shape (M, 2), M at least (2 reach + 1)²; filled with the way, the free cell last.
+        free, passable: Shape (256,): whether cells of each cost are free, and whether the path may cross them.
+        start_x, start_y: Column and row of the cell to leave.
+        reach: Largest distance (cells) of the free cell, in columns and in rows.
+        path: Shape (M, 2), M at least (2 reach + 1)²; filled with columns and rows, the free cell last.
 
     Returns:
-        How many cells the way has, 0 where there is none.
+        Number of cells of the path, 0 where there is none.
     """
     height, width = costs.shape
     side = 2 * reach + 1
@@ -120,16 +120,16 @@ def way_out(costs, free, passable, start_x, start_y, reach, path):
 
 @kernel("int64(uint8[:,::1], int64[::1], int64, int64, uint8[::1])")
 def first_joint(room, order, one, other, cancelled):
-    """Join cells (4-connected) in a given order and return the one by which two of them become connected.
+    """Join cells with their neighbours (4-connected) in a given order until two of them are connected (union-find).
 
     Args:
-        room: Shape (height, width): 0 where a cell is not to be entered.
-        order: Shape (N,): the cells that may be, each as row * width + column.
-        one, other: The two.
+        room: Only its shape, (height, width), is used.
+        order: Shape (N,): the cells in the order of joining, as row * width + column.
+        one, other: The two cells to connect, as in `order`.
         cancelled: Shape (1,), non-zero to stop.
 
     Returns:
-        The cell; -1 where nothing connects them or it was cancelled.
+        The cell that connected them; -1 where they stay unconnected, or where it was cancelled.
     """
     height, width = room.shape
     parents = np.full(height * width, -1, np.int32)
