@@ -1,4 +1,4 @@
-"""Whether a scan shows anything: a lidar that delivers nothing must not count as seeing nothing in the way."""
+"""Plausibility checks of scans: a blind, covered or frozen lidar must not count as seeing free space."""
 
 from __future__ import annotations
 
@@ -12,58 +12,56 @@ from mbf_relay.near_things import NearThings
 from mbf_relay.scan import LaserScan
 
 LARGEST_GAP = 0.35
-"""Radians side by side in which a lidar may measure nothing: they hide 6 cm where the robot must have stopped."""
+"""Largest angle (rad) of adjacent invalid beams: it hides 6 cm at the distance where the robot must have stopped."""
 AHEAD = math.pi / 3.0
-"""Radians to either side of straight ahead in which there must be no such gap; what masks a robot's rear may be wider.
-"""
+"""Angle (rad) to either side of straight ahead within which a larger gap is not allowed; the rear may be masked."""
 NEAR = 0.1
-"""Metres beyond range_min: between beams that read so little, those that read nothing look at something nearer still.
+"""Distance (m) beyond range_min: a gap between two beams that read less is taken for something nearer than range_min.
 """
 USABLE = 0.1
-"""Share of the beams that must measure something, wherever they look."""
+"""Smallest share of valid beams in a scan."""
 MOVED = 0.03
-"""Metres or radians after which the same readings again are old ones."""
+"""Motion (m or rad) above which identical readings mean that the lidar is frozen."""
 SEEN_BEFORE = 0.5 * math.pi
-"""Radians full of returns after which a scan without any is not believed: a robot does not leave walls at once, unless
-it looks no wider than that, as by a depth camera.
+"""Angle (rad) with returns in the last scan from which on a scan without any is refused: walls all round do not vanish
+at once. A sensor of a smaller field of view, as a depth camera, may turn away from all at once.
 """
 SCATTERED = 6
-"""Gaps in a scan from which on they are how its driver speaks of what is too far away, too dark or seen too flatly:
-what covers a lidar, or has died in it, makes one or two, and four posts of a robot mask as many.
+"""Number of gaps in a scan from which on they are taken for the driver's way to say "no return" (too far, too dark, too
+flat an angle): a cover or a defect makes one or two gaps, and a robot's four posts make four.
 """
 
 
 class ScanMonitor:
-    """Judges the scans of one lidar, one after the other.
+    """Checks the scans of one lidar, one after the other.
 
-    A beam measured something where it reads range_min or more, infinity included: that says nothing is there. Drivers
-    that have no such word, as that of a TurtleBot3's LDS-01, which sends 0, leave gaps wherever it is far to the next
-    wall; move_base drives on in them, and so it is here, while the scan has several and has never read infinity. Nor is
-    there a gap where the lidar has seen something that is now nearer than it can measure: costmaps keep that.
+    A beam is valid where it reads range_min or more, infinity ("nothing there") included. Some drivers, as the LDS-01's
+    of a TurtleBot3, send 0 instead and leave gaps where walls are far away. move_base drives on with them; here, too,
+    gaps are accepted while a scan has SCATTERED or more and no scan so far had infinite readings. Beams towards
+    something seen before and now nearer than range_min are no gap, as costmaps keep that obstacle.
 
     Args:
-        largest_gap: See LARGEST_GAP; 0 for a lidar whose zeros say that nothing is there. Its gaps are then not looked
-            at.
+        largest_gap: See LARGEST_GAP; 0 switches the check of gaps off, for a lidar whose zeros mean "nothing there".
 
     Attributes:
-        takes_gaps_for_far: Whether a gap ahead was, in any scan so far.
+        takes_gaps_for_far: Whether a gap ahead was accepted so in any scan.
     """
 
     def __init__(self, largest_gap: float = LARGEST_GAP) -> None:
         self._largest_gap = largest_gap
-        self._first: Optional[Tuple[LaserScan, Pose2D]] = None  # of those with the same readings, and from where
+        self._first: Optional[Tuple[LaserScan, Pose2D]] = None  # first of several identical scans, and its pose
         self._near_things = NearThings()
-        self._seen = 0.0  # radians full of returns in the last scan that was believed
+        self._seen = 0.0  # angle (rad) with returns in the last accepted scan
         self.takes_gaps_for_far = False
-        self._says_nothing_is_there = False  # by infinity, as REP 117 asks for; in any scan so far
+        self._says_nothing_is_there = False  # by infinity (REP 117), in any scan so far
 
     def trouble(self, scan: LaserScan, forward: float, sensor_pose: Pose2D) -> Optional[str]:
-        """Return why a scan must not be driven on, or None.
+        """Return why the robot must not drive by a scan, or None.
 
         Args:
-            scan: The scan, seen from above.
-            forward: Direction (rad) of the robot's front among the scan's angles.
-            sensor_pose: The sensor in a frame that stands, which tells whether it has moved.
+            scan: The scan, with angles counter-clockwise as seen from above.
+            forward: Direction (rad) of the robot's front in the scan's angles.
+            sensor_pose: Of the sensor in a fixed frame such as odom.
         """
         hit, hidden = scan.hit, self._near_things.hides(scan, sensor_pose)
         found = self._frozen(scan, hit, sensor_pose) or self._blind(scan, scan.measured | hidden, forward)
@@ -119,7 +117,11 @@ class ScanMonitor:
 
 
 def gaps(usable: np.ndarray, closed: bool) -> list[tuple[int, int]]:
-    """Return runs of beams that are not usable as (first, count); over the end of a scan of a full turn where `closed`.
+    """Return runs of unusable beams as (first, count).
+
+    Args:
+        usable: Bool of shape (B,).
+        closed: Whether the last beam and the first are neighbours, so that a run may extend over the end.
     """
     size = len(usable)
     if usable.all():
@@ -134,9 +136,9 @@ def gaps(usable: np.ndarray, closed: bool) -> list[tuple[int, int]]:
 
 
 def _explained(scan: LaserScan, first: int, count: int) -> bool:
-    """Return whether a gap lies between beams that see something near: then it hides what is nearer than range_min."""
+    """Return whether a gap lies between two near readings, so that something nearer than range_min fills it."""
     size, limit = len(scan.ranges), scan.range_min + NEAR
     if not scan.goes_round and (first == 0 or first + count == size):
-        return False  # no beam looks beside it
+        return False  # the scan ends there
     sides = [scan.ranges[index % size] for index in (first - 1, first + count)]
-    return bool(all(scan.range_min <= side <= limit for side in sides))  # whose own beam is no gap that is hidden
+    return bool(all(scan.range_min <= side <= limit for side in sides))

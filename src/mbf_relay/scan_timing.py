@@ -1,4 +1,4 @@
-"""When a lidar takes its beams, told by how its scans turn and how odometry does; and its scans, set right by that."""
+"""Estimation of a lidar's time offset and order of beams from scans and odometry, and correction of its scans."""
 
 from __future__ import annotations
 
@@ -16,78 +16,77 @@ from mbf_relay.scan import LaserScan
 from mbf_relay.scan_sweep import AT_ONCE, ORDERS, REACH, Order, ends, resampled, seen_at_once
 
 STEP = 0.05
-"""Seconds from one offset to the next."""
+"""Time (s) between two offsets."""
 OFFSETS = np.arange(-12, 13) * STEP
-"""Seconds by which scans may be dated late, or early where negative, that are told from each other."""
+"""Time offsets (s) that are tried: positive where stamps are late."""
 STRIDE = math.radians(1.0)
 DIRECTIONS = STRIDE * np.arange(-180.0, 180.0)
-"""Directions in which two scans are held against each other, and from one to the next."""
+"""Directions (rad) in which two scans are compared, STRIDE apart, shape (360,)."""
 MARGIN, PATIENCE = 0.1, 0.5
-"""Seconds by which odometry may come after a scan that is dated alike, and after which it is asked for no more."""
+"""Usual and largest delay (s) of odometry behind scans of the same stamp; later it is taken for missing."""
 BETWEEN, POSES = 0.1, 50
-"""Seconds from one time at which odometry is asked for a pose to the next, and how many of the newest are remembered:
-those round two scans a second apart."""
+"""Time (s) between odometry poses, and number of the newest that are kept: those around two scans a second apart."""
 NEARLY = 0.06
-"""Seconds by which offsets differ that are all but one."""
+"""Difference (s) up to which two offsets count as the same."""
 SPACING = 0.15
-"""Seconds between the scans that are compared: a quick lidar's next one is hardly turned, and would tell nothing."""
+"""Smallest time (s) between compared scans: between those of a fast lidar the robot hardly turns."""
 MISSING = 1.0
-"""Seconds without a scan after which the next one is compared with none before."""
+"""Time (s) without a scan after which the comparison starts again."""
 SET_BACK = 3.0
-"""Seconds by which a scan must be older than the newest for the clock to have been set; else it is only late."""
+"""Time (s) by which a stamp must go back for the clock to have been set; otherwise the scan is only late."""
 FARTHEST_TURN = 52
-"""Degrees from one scan to the next, at most: a TurtleBot3 at its top turn rate comes 33 between two scans."""
+"""Largest turn (degrees) between two scans: a TurtleBot3 at its top turn rate makes 33."""
 LEAST_CHANGE = 0.1
-"""Radians that odometry must have turned more at one offset than at another for two scans to tell anything."""
+"""Smallest difference (rad) between odometry's turns at different offsets for which two scans are compared."""
 TURNS = np.arange(-FARTHEST_TURN, FARTHEST_TURN + 1)
-"""Turns between two scans that are tried (degrees)."""
+"""Turns (degrees) between two scans that are tried, shape (T,)."""
 TURNED = (np.arange(len(DIRECTIONS)) + TURNS[:, None]) % len(DIRECTIONS)
-"""Of each direction, after each of those turns, the one it was before, shape (T, D)."""
+"""Index of the direction before each of those turns for each direction after it, shape (T, D)."""
 ASIDE = 12
-"""Degrees beside the turns that odometry has, at any offset, in which the likeliest turn of two scans is looked for."""
+"""Margin (degrees) around odometry's turns at all offsets in which the turn between two scans is searched."""
 NEARBY = TURNED[np.abs(TURNS) <= 15]
-"""Of those, the ones by which two scans may lie aside that are laid on each other by odometry: wheels slip."""
+"""Rows of TURNED up to 15 degrees: errors of odometry between two scans, as wheels slip."""
 FEWEST_BEAMS = 60
-"""Directions in which both scans must read something."""
+"""Smallest number of directions in which both scans have a range."""
 LARGEST_ERROR = 0.3
-"""Radians, and metres of a reading, that count at most: people walk by, and edges hide and show."""
+"""Largest error of a turn (rad) or of a range (m) that counts; larger ones come from people and occluding edges."""
 SIMILAR = 0.08
-"""Metres by which the readings of two scans may differ, in the mean, once they are turned into each other."""
+"""Largest mean difference (m) of the ranges of two scans that match."""
 CLEARER = 0.7
-"""Of the next likely turn's difference: so much less the likeliest must have, or the room looks alike all round."""
+"""Largest ratio of the best turn's mean difference to the next best's; above it the match is ambiguous."""
 LIKEWISE = 6
-"""Degrees within which two turns are one."""
+"""Difference (degrees) up to which two turns count as the same."""
 PAIRS, FEWEST_PAIRS = 200, 20
-"""Of scans that tell something: the newest that are remembered, and how many it takes."""
+"""Largest number of compared pairs of scans that are kept, and smallest for a result."""
 NOISE = 0.02
-"""Radians to which the turn between two scans is told at best."""
+"""Smallest standard deviation (rad) assumed of a turn between two scans."""
 CERTAIN, MOST_OF_ONE = 15.0, 3.0
-"""Logarithms of how much likelier an offset must be than none, and what one pair counts at most."""
+"""Log-likelihood ratio to no offset that an offset needs, and the largest contribution of one pair."""
 FITS = 0.06
-"""Radians, root mean square, within which turns must agree at the offset."""
+"""Largest root mean square error (rad) of the turns at the offset."""
 PARTNERS = 4
-"""Scans before one, among which it is held against the one that was taken in the most different turn."""
+"""Number of earlier scans, of which the one with the most different turn rate is compared with a new one."""
 DIFFERENT = 0.06
-"""Radians that the robot must turn more while one scan is taken than while the other is."""
+"""Smallest difference (rad) of the robot's turns during two scans that are compared for the order of beams."""
 LEAD = 4
-"""Such pairs by which one order must be ahead of each other one: of some 400 in simulation, 1 spoke for a wrong one."""
+"""Pairs by which an order must lead each other one: of some 400 in simulation, 1 voted for a wrong order."""
 ENOUGH = 20
-"""Of them, after which no more are looked for: a lidar keeps to its order."""
+"""Votes for an order after which no more pairs are compared."""
 SPEAKING = 0.25
-"""Share of such pairs that must speak for it: where none of the orders is right, one may now and then seem to be."""
+"""Smallest share of pairs that vote for the order: where none is right, some pairs still match by chance."""
 SPACINGS = 20
-"""Scans of which the middle one of the times from one to the next is the time that a lidar turns in."""
+"""Number of intervals between scans whose median is the period of a lidar's turn."""
 OUT_OF, NEARLY_WHOLE = 10, 0.1
 """Scans of which a throttle passes one, at most; and how far from a whole number the spacing over the driver's own time
 for a scan may be, as a share: drivers fill that in carelessly, and what is no throttle's doing is not believed."""
 LATELY = 0.1
-"""Seconds over which odometry is asked how the robot moves while a scan is taken."""
+"""Time (s) over which the lidar's velocity is taken from odometry."""
 FARTHEST_MOVED = 0.5
-"""Metres, and radians, that a lidar comes in LATELY at most: beyond, odometry was set to another place."""
+"""Largest motion (m or rad) of a lidar in LATELY; more means that odometry was reset."""
 
 
 class _Dated(NamedTuple):
-    """A pose by odometry at a time (s), its turns counted; NaN where it is not known."""
+    """A pose by odometry at a time (s), with an unwrapped heading (rad); NaN where it is not known."""
 
     time: float
     x: float
@@ -97,10 +96,14 @@ class _Dated(NamedTuple):
 
 @dataclass(frozen=True)
 class _Taken:
-    """A scan, and of odometry its headings (rad) at each of OFFSETS before the stamp.
+    """A scan with its odometry.
 
-    And where the lidar was when the middle beam was taken, how it moves while a turning sensor looks round once, and
-    the order in which it takes its beams as far as that is known.
+    Attributes:
+        scan: The scan.
+        headings: Odometry's headings (rad) at the stamp less each of OFFSETS, shape (25,).
+        pose: Of the lidar at the middle beam, in the odometry frame.
+        moved: Motion of the lidar during the sweep, in its frame at the start.
+        order: Order of the beams, as far as it is known.
     """
 
     scan: LaserScan
@@ -111,25 +114,25 @@ class _Taken:
 
     @cached_property
     def readings(self) -> np.ndarray:
-        """What it reads in DIRECTIONS (m), as if all at once; of most scans nobody asks for it."""
+        """Motion-compensated ranges (m) in DIRECTIONS, computed on demand."""
         return _readings(
             self.scan if self.order == AT_ONCE else seen_at_once(self.scan, self.order, self.moved))
 
 
 class ScanTiming:
-    """Compares one lidar's scans with each other, by how the robot turned between them and in them as odometry has it.
+    """Estimates the time offset and the order of beams of one lidar, without a map or a pose.
 
-    It needs neither a map nor a pose. Two scans in a row tell by which angle the robot turned between them, odometry
-    when: where clocks differ, or a driver dates scans when they are sent, odometry turns before or after what the lidar
-    sees does. And most lidars look round once and need a fifth or a tenth of a second for it, in which a robot that
-    turns turns on: a scan is stretched or compressed by that, as the sensor turns against the robot or with it. Two
-    scans of which one was taken in a turn and the other was not lie on each other only if one knows which beam came
-    first, and messages do not tell: the drivers of the LDS-01 and of RPLidars send the last one first.
+    Offset: two scans in a row show the angle by which the robot turned between them. Where clocks differ, or a driver
+    stamps scans when they are sent, odometry has turned by that angle earlier or later.
+
+    Order: a spinning lidar takes 0.1 to 0.2 s for a scan. If the robot turns meanwhile, the scan is stretched or
+    compressed, depending on whether lidar and robot turn in opposite directions. A scan taken in a turn matches one
+    taken without only if the order of beams is known, which messages do not tell: the drivers of the LDS-01 and of
+    RPLidars send the last beam first.
 
     Attributes:
-        late: Seconds by which scans are dated later than their middle beam is taken, by odometry's time; None where
-            nothing tells.
-        order: Of the beams; None where nothing tells.
+        late: Time (s) by which stamps are later than odometry's time of the middle beam; None while not known.
+        order: Order of the beams; None while not known.
     """
 
     def __init__(self) -> None:
@@ -139,16 +142,16 @@ class ScanTiming:
         self._waiting: Deque[LaserScan] = collections.deque()
         self._taken: Deque[_Taken] = collections.deque(maxlen=PARTNERS)
         self._poses: Deque[_Dated] = collections.deque(maxlen=POSES)
-        self._heading = 0.0  # the newest known, turns counted
-        self._errors: Deque[np.ndarray] = collections.deque(maxlen=PAIRS)  # of turns, at OFFSETS
+        self._heading = 0.0  # (rad) the newest known, unwrapped
+        self._errors: Deque[np.ndarray] = collections.deque(maxlen=PAIRS)  # squared errors (rad^2) of turns at OFFSETS
         self._votes = np.zeros(len(ORDERS), dtype=int)  # of pairs of scans, for each of ORDERS
         self._contrasts = 0
 
     def corrected(self, scan: LaserScan, pose_at: Callable[[float], Pose2D]) -> LaserScan:
-        """Return a scan as if all its beams had been taken at once, dated by odometry's time.
+        """Return a scan as if all its beams had been taken at once, stamped in odometry's time.
 
         Args:
-            scan: It, seen from above.
+            scan: The scan, with angles counter-clockwise as seen from above.
             pose_at: As for `take`.
         """
         stamp, order = scan.stamp - (self.late or 0.0), self.order or AT_ONCE
@@ -166,9 +169,9 @@ class ScanTiming:
         """Take the next scan.
 
         Args:
-            scan: It, seen from above, as it came.
-            pose_at: Gives the lidar's pose by odometry at a time (s), or raises TransformError; asked for times as long
-                before and after a scan as OFFSETS reach, once those have passed.
+            scan: The scan as received, with angles counter-clockwise as seen from above.
+            pose_at: Returns the lidar's pose by odometry at a time (s), or raises TransformError; called with times up
+                to the largest of OFFSETS before and after a scan, once they have passed.
         """
         since = scan.stamp - self._stamps[-1] if self._stamps else MISSING
         if -SET_BACK < since <= 0.0:
@@ -188,7 +191,7 @@ class ScanTiming:
             self._compare(self._waiting.popleft())
 
     def _follow(self, until: float, pose_at: Callable[[float], Pose2D]) -> None:
-        """Ask odometry for its poses up to a time (s), from where the first scan that waits may be dated to."""
+        """Record odometry poses up to a time (s), from the earliest time of the first waiting scan on."""
         time = self._poses[-1].time + BETWEEN if self._poses else self._waiting[0].stamp - OFFSETS[-1]
         while time <= until:
             try:
@@ -197,14 +200,15 @@ class ScanTiming:
                 self._poses.append(_Dated(time, pose.x, pose.y, self._heading))
             except TransformError:
                 if time > until - PATIENCE:
-                    return  # it may come yet
+                    return  # it may still come
                 self._poses.append(_Dated(time, math.nan, math.nan, math.nan))
             time += BETWEEN
 
     def _sweep_time(self, scan: LaserScan) -> float:
-        """Return the time (s) from a scan's first beam to its last where a sensor that turns takes them.
+        """Return the time (s) from the first beam of a scan to its last for a spinning lidar.
 
-        It turns once from scan to scan, or a few times where scans are throttled, which the driver's own time tells.
+        It turns once between two scans, or several times where scans are throttled, which the driver's own sweep time
+        tells.
         """
         if len(self._stamps) < 2:
             return 0.0
@@ -218,7 +222,7 @@ class ScanTiming:
         return scan.sweep_time if is_throttled else whole
 
     def _compare(self, scan: LaserScan) -> None:
-        """Hold a scan against those before it."""
+        """Compare a scan with those before it."""
         times, x, y, headings = np.array(self._poses).T
 
         def pose_at(time: float) -> Pose2D:
@@ -236,7 +240,7 @@ class ScanTiming:
         self._taken.append(taken)
 
     def _compare_turns(self, before: _Taken, after: _Taken) -> None:
-        """Hold the turn between two scans' readings against odometry's between them, at OFFSETS."""
+        """Compare the turn between two scans with odometry's between them at each of OFFSETS."""
         turns = normalize_angles(after.headings - before.headings)
         if np.ptp(turns) < LEAST_CHANGE or np.abs(turns).max() > math.radians(FARTHEST_TURN):
             return
@@ -246,12 +250,12 @@ class ScanTiming:
             self._date(self._told())
 
     def _date(self, late: Optional[float]) -> None:
-        """Go by another offset (s) where one is told."""
+        """Take an offset (s), unless None."""
         if late is None:
             return
         if abs(late - (self.late or 0.0)) > NEARLY:
             self._contrasts = 0
-            self._votes[:] = 0  # scans were laid on each other as odometry had it at another time
+            self._votes[:] = 0  # they were counted with odometry at another offset
         self.late = late
 
     def _told(self) -> Optional[float]:
@@ -273,7 +277,7 @@ class ScanTiming:
         return round(offset, 2)
 
     def _compare_orders(self, before: _Taken, after: _Taken) -> None:
-        """Lay two scans, one of them taken in a turn, on each other with their beams taken in each of ORDERS."""
+        """Match two scans of different turn rates under each of ORDERS, and vote for the best."""
         if _contrast(before, after) < DIFFERENT or self._votes.max() >= ENOUGH:
             return
         found = [_difference(before, after, order) for order in ORDERS]
@@ -291,12 +295,12 @@ class ScanTiming:
 
 
 def _contrast(one: _Taken, other: _Taken) -> float:
-    """Return by how much (rad) the robot turned more while one scan was taken than while the other was."""
+    """Return the difference (rad) between the robot's turns during two scans."""
     return abs(one.moved.theta - other.moved.theta)
 
 
 def _difference(before: _Taken, after: _Taken, order: Order) -> float:
-    """Return by how much (m) the readings of two scans differ, laid on each other; infinity where there are too few."""
+    """Return the mean difference (m) of two scans' ranges once matched under an order; infinity for too few ranges."""
     one = _seen_in_order(before, order, after.pose.relative_to(before.pose))
     other = _seen_in_order(after, order, IDENTITY)
     means = _differences(one, other, NEARBY)
@@ -304,7 +308,7 @@ def _difference(before: _Taken, after: _Taken, order: Order) -> float:
 
 
 def _seen_in_order(taken: _Taken, order: Order, seen_from: Pose2D) -> np.ndarray:
-    """Return what comes back in DIRECTIONS (m), NaN for nothing, of a scan whose beams were taken in an order."""
+    """Return a scan's ranges (m) in DIRECTIONS, motion-compensated under an order; NaN without a return."""
     directions, ranges = ends(taken.scan, order, taken.moved, seen_from)
     hit = taken.scan.hit
     if not hit.any():
@@ -313,16 +317,16 @@ def _seen_in_order(taken: _Taken, order: Order, seen_from: Pose2D) -> np.ndarray
 
 
 def _readings(scan: LaserScan) -> np.ndarray:
-    """Return what a scan reads in DIRECTIONS (m): its reach where nothing came back, NaN where nothing was measured."""
+    """Return a scan's ranges (m) in DIRECTIONS: range_max without a return, NaN where invalid."""
     readings = scan.readings_at(DIRECTIONS)
     with np.errstate(invalid="ignore"):
         return np.where(readings >= scan.range_min, np.minimum(readings, scan.range_max), np.nan)
 
 
 def _differences(before: np.ndarray, after: np.ndarray, turned: np.ndarray) -> Optional[np.ndarray]:
-    """Return by how much two scans' readings, each of shape (D,), differ after some turns (m), shape (T,).
+    """Return the mean differences (m) of two scans' ranges, shape (D,) each, after some turns, shape (T,).
 
-    None where at some turn too few directions are read in both; `turned` is TURNED of the turns, shape (T, D).
+    None where at some turn fewer than FEWEST_BEAMS directions have both; `turned` are rows of TURNED, shape (T, D).
     """
     with np.errstate(invalid="ignore"):
         differences = np.minimum(np.abs(before[turned] - after), LARGEST_ERROR)
@@ -331,9 +335,9 @@ def _differences(before: np.ndarray, after: np.ndarray, turned: np.ndarray) -> O
 
 
 def _turn_between(before: np.ndarray, after: np.ndarray, expected: np.ndarray) -> Optional[float]:
-    """Return the turn (rad) that lays one scan's readings on the next one's, both of shape (D,); None where unclear.
+    """Return the turn (rad) that best matches two scans' ranges, shape (D,) each; None where it is ambiguous.
 
-    It is looked for round those that are expected (rad), of any shape.
+    It is searched up to ASIDE around the `expected` turns (rad), of any shape.
     """
     tried = slice(*np.searchsorted(TURNS, np.degrees((expected.min(), expected.max())) + (-ASIDE, ASIDE)))
     turns, means = TURNS[tried], _differences(before, after, TURNED[tried])

@@ -1,4 +1,4 @@
-"""Intervals: how far a share, a mean or a difference can be trusted."""
+"""Confidence intervals and tests for shares, means and paired differences of grouped samples."""
 
 from __future__ import annotations
 
@@ -10,12 +10,13 @@ import numpy as np
 from scipy import special
 
 RESAMPLINGS = 10_000
+"""Random sign vectors of the permutation test."""
 MOST_TRIED = 12
-"""Groups whose signs are all tried; beyond, 2 to their number is more than are drawn."""
+"""Largest number of groups for which all sign vectors are tried; of more, RESAMPLINGS are drawn."""
 
 
 class IntervalEstimate(NamedTuple):
-    """A value and the interval that holds it with 95 % confidence; NaN where nothing was measured.
+    """A value and its confidence interval, of 95 % by default; NaN where nothing was measured.
 
     One sample alone has a value and no interval: its bounds are NaN.
     """
@@ -30,7 +31,7 @@ class IntervalEstimate(NamedTuple):
         return not math.isnan(self.low)
 
     def interval(self) -> str:
-        """Return the interval for people."""
+        """Return the interval as text."""
         return f"[{self.low:.3f}, {self.high:.3f}]" if self.has_interval else "(one sample, no interval)"
 
     def __str__(self) -> str:
@@ -41,7 +42,7 @@ NOTHING = IntervalEstimate(math.nan, math.nan, math.nan)
 
 
 def share(successes: float, trials: float, confidence: float = 0.95) -> IntervalEstimate:
-    """Return a share with its score interval (Wilson 1927), which stays honest near 0 and 1.
+    """Return a share with its score interval (Wilson 1927), which has its coverage near 0 and 1, too.
 
     Args:
         successes: How many of `trials` succeeded.
@@ -121,10 +122,10 @@ def _students_t(freedom: int, confidence: float) -> float:
 
 
 def sign_test(groups: Mapping[str, Sequence[int]]) -> float:
-    """Return the chance of a sum at least this far from zero if each group's sign were a coin's (exact, two-sided).
+    """Return the p-value of a sum of signs, if each group's sign were random (exact, two-sided).
 
-    Pairs of one world stand or fall together, so the sign of the world's sum is drawn, not each pair's. With one pair
-    a world it is McNemar's exact test.
+    Pairs of one world are correlated, so the sign of the world's sum is random, not each pair's. With one pair per
+    world it is McNemar's exact test.
 
     Args:
         groups: For each group, e.g. world, +1 for each pair in which the second alone succeeded, -1 where the first
@@ -142,7 +143,7 @@ def sign_test(groups: Mapping[str, Sequence[int]]) -> float:
 
 
 def permutation_test(groups: Mapping[str, Sequence[float]], seed: int = 0) -> float:
-    """Return the chance of a mean at least this far from zero if each group's sign were a coin's (two-sided).
+    """Return the p-value of a mean difference, if each group's sign were random (two-sided).
 
     All signs are tried where there are few groups, 10 000 draws of them else.
 
@@ -163,16 +164,16 @@ def permutation_test(groups: Mapping[str, Sequence[float]], seed: int = 0) -> fl
 
 
 def least_groups(chance: float) -> int:
-    """Return how many groups it takes until tests that flip their signs can give less than a chance.
+    """Return the smallest number of groups for which sign tests can give a p-value below `chance`.
 
     Args:
-        chance: Which is called rare, e.g. 0.05: of five groups all differ to one side by a chance of 2 / 2^5.
+        chance: Significance level, e.g. 0.05; the smallest p-value of n groups is 2 / 2^n.
     """
     return math.floor(1.0 - math.log2(chance)) + 1
 
 
 def holm(chances: Sequence[float]) -> List[float]:
-    """Return chances raised for how many there are (Holm 1979), so that one below 5 % is rare if all are chance."""
+    """Return p-values adjusted for multiple testing (Holm 1979)."""
     raised, least = [0.0] * len(chances), 0.0
     for rank, index in enumerate(sorted(range(len(chances)), key=lambda i: chances[i])):
         least = max(least, min(1.0, (len(chances) - rank) * chances[index]))
