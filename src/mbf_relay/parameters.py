@@ -22,16 +22,16 @@ from mbf_relay.misspelling import did_you_mean, nearest_of
 T = TypeVar("T", bound="ParameterSet")
 
 LARGEST = 1e9
-"""Of any unit: 30 years, a million kilometres. What lies beyond it, infinity among it, overflows where it is squared or
-counted in cells; where no nearer end is declared, a number goes as far as this."""
+"""Bound of numbers without a narrower one, in any unit: 30 years, a million kilometres. Larger ones, infinity included,
+would overflow when squared or converted to cells."""
 FAR_BEYOND = 10 ** 18
-"""What a whole number beyond it is taken for: out of every range as well, and one that a float can be."""
+"""Integers beyond it are replaced by it: it is out of every range as well, and can be converted to a float."""
 SPEED_UNITS = ("m/s", "rad/s")
-"""Units of what is refused beyond LARGEST and not taken to a nearer end: who writes that wants no limit at all."""
+"""Units of parameters refused beyond LARGEST instead of clamped: such a value means that no limit is wanted."""
 TOPIC = re.compile(r"[~/a-zA-Z][\w/]*", re.ASCII)
-"""What may name a topic."""
+"""Pattern of a topic's name."""
 SWITCHES = {True: ("true", "yes", "on", "1", "1.0"), False: ("false", "no", "off", "0", "0.0")}
-"""YAML's words and C's numbers for what is on and what is off, in small letters."""
+"""Spellings of booleans, YAML's words and numbers, in lower case."""
 
 
 def parameter(
@@ -60,11 +60,12 @@ def parameter(
         above: Lower bound that is itself not allowed.
         choices: The allowed values.
         aliases: Older names still read, with one warning.
-        clamped: False where a user's value out of range is refused, not taken to it: where a guess could hurt.
-        else_default: True where a text that is none of the choices stands for the default, as upstream has it.
-        is_frame: It names a frame, as tf2 does: the slash is taken off with which tf's names began.
-        is_topic: It names a topic, and cannot be empty.
-        has_effect: False where it has none here but has one upstream; see `without_effect`.
+        clamped: Whether a user's value out of range is clamped to it; False where it is refused, as a guess could be
+            dangerous.
+        else_default: Whether a text that is none of the choices stands for the default, as upstream.
+        is_frame: Whether it names a frame; the leading slash of tf's names is removed, as for tf2.
+        is_topic: Whether it names a topic, and cannot be empty.
+        has_effect: False for a parameter that has an effect upstream only; see `without_effect`.
     """
     metadata = dict(
         description=description, unit=unit, minimum=minimum, maximum=maximum, above=above, choices=choices,
@@ -77,7 +78,7 @@ def parameter(
 
 
 def without_effect(default: Any, why: str, *arguments: Any, **options: Any) -> Any:
-    """Declare a parameter that has an effect upstream and, for a reason, none here; else as `parameter`."""
+    """Declare a parameter that has an effect upstream but none here, and say why; otherwise as `parameter`."""
     return parameter(default, f"read, and without effect: {why}", *arguments, has_effect=False, **options)
 
 
@@ -118,22 +119,20 @@ class ParameterSet:
         """Check what involves several parameters; raise ValueError. Override where there is such a thing."""
 
     def read_as(self) -> List[str]:
-        """Return what allowed values were taken for, one line each, where that is not how they stand; for overriding.
-        """
+        """Return a line for each valid value that is used otherwise than written. Override where there are such."""
         return []
 
     @classmethod
     def from_mapping(cls: Type[T], values: Mapping[str, Any]) -> T:
-        """Make one from names and values; names it does not know are left alone (see `unknown_names`)."""
+        """Create a set from names and values; unknown names are ignored (see `unknown_names`)."""
         return cls(**cls.known(values))
 
     @classmethod
     def read(cls: Type[T], values: Mapping[str, Any]) -> Tuple[T, List[str]]:
-        """Make one of a user's values, as upstream takes them, and tell what was made of those it could not keep.
+        """Create a set from a user's values, and return it with notes on the values that were changed.
 
-        dynamic_reconfigure takes a number that is out of range to the nearer end of the range; so does this, and to the
-        default where the range has no such end. Of a pair in the wrong order the lower one gives way, where that
-        narrows the range.
+        As by dynamic_reconfigure, numbers out of range are clamped to the nearer bound; without one the default is
+        used. Of an ORDERED pair in the wrong order the lower one is reduced, where the higher one is not negative.
 
         Raises:
             ValueError: A value is of the wrong type, or contradicts others.
@@ -142,12 +141,12 @@ class ParameterSet:
 
     @classmethod
     def known(cls, values: Mapping[str, Any]) -> Dict[str, Any]:
-        """Return the values that belong here, by present names; the present name wins over an alias."""
+        """Return the values of this set's parameters by their present names, which take precedence over aliases."""
         return {name: values[written] for name, written in cls._written(values).items()}
 
     @classmethod
     def _written(cls, values: Mapping[str, Any]) -> Dict[str, str]:
-        """Return the names by which the values that belong here stand in `values`, by present names."""
+        """Return for each present name the name used in `values`, itself or an alias."""
         result: Dict[str, str] = {}
         for field in dataclasses.fields(cls):
             for name in (field.name,) + tuple(field.metadata.get("aliases", ())):
@@ -158,10 +157,7 @@ class ParameterSet:
 
     @classmethod
     def unknown_names(cls, values: Mapping[str, Any]) -> List[str]:
-        """Return the names in `values` that mean nothing here, of groups as of single values.
-
-        What reads a group of its own beside its parameters says so: see `groups`.
-        """
+        """Return the names in `values` that are neither parameters, nor aliases, nor known groups (see `groups`)."""
         names = {*cls.names(), *cls.groups(values)}
         for field in dataclasses.fields(cls):
             names.update(field.metadata.get("aliases", ()))
@@ -173,7 +169,7 @@ class ParameterSet:
         return ()
 
     def set_in_vain(self) -> Dict[str, str]:
-        """Return the parameters that are not at their defaults and without effect, each with its description."""
+        """Return the parameters without effect that are not at their defaults, each with its description."""
         return {
             field.name: field.metadata["description"] for field in dataclasses.fields(self)
             if not field.metadata.get("has_effect", True) and getattr(self, field.name) != field.default
@@ -210,9 +206,9 @@ class ParameterSet:
         return dataclasses.replace(self, **changes)
 
     def reconfigured(self: T, changes: Mapping[str, Any]) -> Tuple[T, List[str]]:
-        """Return a copy with the changes somebody asks for at run time, and notes on what gives way to them.
+        """Return a copy with changes made at run time, and notes on other values changed with them.
 
-        A maximum that is lowered below its minimum takes that with it: who asks a robot to drive slower is not refused.
+        If a maximum is lowered below its minimum, so is the minimum: a request to drive slower is not refused.
 
         Raises:
             ValueError: A value is out of range, or contradicts others.
@@ -231,7 +227,7 @@ class ParameterSet:
 
 
 def _hints(cls: type) -> Dict[str, Any]:
-    """Return the annotated types of a class; Python reads them anew each time, and a drive makes dozens of sets."""
+    """Return the annotated types of a class, cached: get_type_hints is slow, and a drive creates dozens of sets."""
     if cls not in _known_hints:
         _known_hints[cls] = typing.get_type_hints(cls)
     return _known_hints[cls]
@@ -241,12 +237,12 @@ _known_hints: Dict[type, Dict[str, Any]] = {}
 
 
 def _read(cls: Type[T], known: Dict[str, Any], written: Mapping[str, str]) -> Tuple[T, List[str]]:
-    """Return what ParameterSet.read does.
+    """Do what `ParameterSet.read` does.
 
     Args:
-        cls: What is to be made.
-        known: Values by present names.
-        written: The names by which they stand in the user's file, which are those that are told.
+        cls: Class of the set.
+        known: Values by present names; changed.
+        written: For each present name the one in the user's file, which notes and errors use.
     """
     hints = _hints(cls)
     fields = {field.name: field for field in dataclasses.fields(cls)}
@@ -277,16 +273,16 @@ def _read(cls: Type[T], known: Dict[str, Any], written: Mapping[str, str]) -> Tu
 
 
 def _nearest_allowed(value: Any, field: Any) -> Any:
-    """Return the number in range nearest to `value`, else the default, None where none will do.
+    """Return the nearest bound to an invalid `value`, else the default; None where the value must be refused.
 
-    A rate that is none says nothing of how low it is to be: at the lowest one a robot would drive unseen for seconds.
+    For a rate (Hz) of 0 or less it is the default: at the lowest rate a robot would drive without control for seconds.
     """
     if isinstance(value, str) and field.metadata.get("else_default"):
         return field.default
     if isinstance(value, bool) or not isinstance(value, (int, float)) or not field.metadata.get("clamped", True):
         return None
     if field.metadata.get("unit") in SPEED_UNITS and abs(value) > LARGEST:
-        return None  # no guess is safe, not even the end of a range
+        return None  # no replacement is safe, not even a bound
     minimum, maximum, above = (field.metadata.get(key) for key in ("minimum", "maximum", "above"))
     if minimum is not None and value <= 0.0 < minimum and field.metadata.get("unit") == "Hz":
         return field.default
@@ -300,7 +296,7 @@ def _nearest_allowed(value: Any, field: Any) -> Any:
 
 
 def number_spelt(text: str) -> Optional[float]:
-    """Return the number that a text spells, before a comment that YAML takes for none; None where it spells none."""
+    """Return the number in a text, without a comment that YAML did not recognize; None where it is no number."""
     try:
         return float(_before_comment(text))
     except ValueError:
@@ -312,11 +308,11 @@ def _before_comment(text: str) -> str:
 
 
 def _spelt(name: str, value: Any, hint: Any) -> Tuple[Any, str]:
-    """Return what a value of another type spells where a number or a switch is wanted, and a note; else itself.
+    """Return a value of another type converted to the number or bool that is expected, and a note; else itself and "".
 
-    YAML 1.1 takes 1e-3 for a text, as it wants a point in it; roslaunch's `type="str"` makes texts of all; and after a
-    full-width blank, as Chinese and Japanese keyboards write it, a # begins no comment and belongs to the value. A
-    number with a fraction is rounded where a whole one is wanted, a half away from 0; roscpp does so, too.
+    YAML 1.1 reads 1e-3 as a string, since it lacks a point; roslaunch's `type="str"` makes strings of all values; and
+    after a full-width space, as of Chinese and Japanese keyboards, # begins no comment and belongs to the value. Where
+    an integer is expected, a fraction is rounded, halves away from 0, as roscpp does.
     """
     if hint in (bool, Optional[bool]) and not isinstance(value, bool):
         for meant, spellings in SWITCHES.items():
@@ -336,7 +332,7 @@ def _spelt(name: str, value: Any, hint: Any) -> Tuple[Any, str]:
 def convert(name: str, value: Any, hint: Any) -> Any:
     """Return `value` as the annotated type, or raise a ValueError that names the parameter.
 
-    A whole number is taken for a float and a float without fraction for an int; a bool is never a number.
+    An int is converted to float, and a float without fraction to int; a bool is never a number.
     """
     origin = getattr(hint, "__origin__", None)
     if origin is typing.Union:
