@@ -10,26 +10,30 @@ from mbf_relay.geometry import STOP, Twist2D
 from mbf_relay.ros.common.clock_watch import CLOCK_STANDS
 
 IN_VAIN = 2
-"""Waits in vain after which commands are taken to be rarer than scans; a machine may well hang for one."""
+"""Number of waits in vain after which one more scan per command is expected; a single one may be a slow machine."""
 FORGET = 20
-"""Scans, all answered or all unanswered, after which commands are taken to come for every scan again."""
+"""Number of scans, all answered or all unanswered, after which one command per scan is expected again."""
 
 
 class CommandSynchronizer:
     """Keeps the newest command for the simulation's thread, which can wait here for the next.
 
-    A graph that is slower than the simulation would drive on old scans. With patience, no new scan is made before a
-    command has come since the last one. It waits only while somebody drives: after a command that was not a stop.
+    Nodes slower than the simulation would drive by old scans. With a patience above 0, no new scan is made before a
+    command has come since the last one. It waits only while the robot is driven: after a command other than zero.
 
-    A controller of a lower rate than the lidar's has nothing to say before the clock, which stands while it is waited
-    for, has gone on. Such a wait is in vain: the patience runs out, or the server stops a robot whose clock stands.
-    After two of them the wait comes one scan later.
+    A controller with a lower rate than the lidar's sends nothing before the clock, which stands during the wait, goes
+    on. Such a wait is in vain: the patience ends, or the server stops a robot whose clock stands. After IN_VAIN of
+    them, the wait comes one scan later.
 
-    One lock guards all fields; nothing else is called with it held, but `cancelled`.
+    One lock guards all fields; while it is held only `cancelled` is called.
 
     Args:
-        patience: The longest wait in wall seconds, 0 for none.
-        clock: The wall clock, for tests.
+        patience: The longest wait (wall s); 0 not to wait.
+        clock: Returns wall time (s).
+
+    Attributes:
+        heard: Number of commands.
+        given_up: Number of waits that ended with the patience.
     """
 
     def __init__(self, patience: float, clock: Callable[[], float] = time.monotonic) -> None:

@@ -1,4 +1,4 @@
-"""Whether who drives the simulated robot knows how large it is."""
+"""Check that nodes that drive the simulated robot have a footprint at least as large as it."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from mbf_relay.costmap.parameters import CostmapParameters
 from mbf_relay.simulation.robot import RobotModel
 
 COSTMAP = "local_costmap"
-"""Group of the costmap by which a robot is kept from touching anything."""
+"""Group of the costmap that is used to avoid collisions."""
 COVERS = 0.02
-"""Metres by which a robot may reach out of its footprint: what a file's digits leave out."""
+"""Distance (m) by which a robot may reach out of its footprint, for rounded numbers in files."""
 
 
 def drivers(names: Iterable[str], namespace: str) -> Set[str]:

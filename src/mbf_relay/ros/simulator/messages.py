@@ -1,4 +1,4 @@
-"""What the simulation observes, as messages."""
+"""Conversions of the simulation's observations to messages."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ from mbf_relay.simulation.node_parameters import SimulatorParameters
 from mbf_relay.simulation.observations import JointReading
 
 UNMEASURED = 1e6
-"""Variance of what a planar robot's odometry knows nothing of: height, roll and pitch."""
+"""Variance of z, roll and pitch, which a planar robot's odometry does not measure."""
 PLANAR = (0, 1, 5, 6, 7, 11, 30, 31, 35)
-"""Where those of x, y and heading stand among the 36 numbers of a covariance of six."""
+"""Indices of the covariances of x, y and yaw in the 36 elements of a 6 x 6 covariance."""
 UNKNOWN = (14, 21, 28)
-"""Where the variances of height, roll and pitch do."""
+"""Indices of the variances of z, roll and pitch."""
 
 
 def scan_to_message(scan: LaserScan, parameters: SimulatorParameters) -> LaserScanMessage:

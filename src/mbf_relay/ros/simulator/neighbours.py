@@ -1,6 +1,6 @@
-"""Several simulators in one graph: one makes the clock, the others keep to it, and each robot sees the others.
+"""Several simulators in one ROS graph: one publishes /clock, the others follow it, and each robot sees the others.
 
-Each simulator has physics of its own; the others' robots stand in it as obstacles that are where their owner says.
+Each simulator has its own physics, in which the other robots are obstacles at the poses on their `ground_truth`.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
 PERIOD = 0.1
-"""Seconds between two looks at a neighbour; it drives 22 mm meanwhile."""
+"""Seconds between two updates of a neighbour's pose; a burger drives 22 mm meanwhile."""
 PATIENCE = 0.1
 """Wall seconds to wait for the clock before whoever waits may do something else."""
 

@@ -35,19 +35,19 @@ from mbf_relay.simulation.world import World
 from mbf_relay.simulation.worlds import load_world
 
 SLOW = 0.9
-"""Share of the real time factor asked for below which it is too slow."""
+"""Share of the requested real time factor below which the simulation is too slow."""
 SLOW_REPORTS = 5
-"""Reports, one a wall second, that must be too slow one after another before a warning."""
+"""Number of diagnostic reports (one per wall second) in a row that must be too slow for a warning."""
 SERVICE_PATIENCE = 30.0
-"""Wall seconds a service waits for the simulation to do what was asked."""
+"""Wall seconds that a service waits for the simulation's thread."""
 
 
 class Simulator:
     """Runs the simulation, its services and what comes in on topics.
 
-    One thread owns the simulation. Callbacks and services leave what they want done in a queue that this thread empties
-    between two steps; it never waits on ROS time, which it makes. It is not the main thread: that one handles signals,
-    and rospy shuts down inside of the handler, which must not come upon a publisher in the middle of its work.
+    One thread owns the simulation. Callbacks and services put requests into a queue, which this thread empties between
+    two steps; it never waits on ROS time, since it publishes that. It is not the main thread: rospy shuts down within
+    the signal handler there, which must not interrupt a publisher.
     """
 
     def __init__(self, settings: SimulatorParameters, world: World) -> None:
@@ -93,7 +93,7 @@ class Simulator:
         self._diagnostics.add("simulation", self._report)
 
     def run(self) -> None:
-        """Step in a thread of its own until ROS is shut down, then free the physics; call from the main thread."""
+        """Step in a thread until ROS is shut down, then close the simulation; call from the main thread."""
         thread = threading.Thread(target=self._run, name="simulation", daemon=True)
         thread.start()
         while thread.is_alive():
@@ -107,7 +107,7 @@ class Simulator:
             self._loop()
         except rospy.ROSException:
             pass  # published while ROS shut down
-        except Exception as error:  # it ends the node, from the main thread
+        except Exception as error:  # raised again by `run`
             self._failure = error
 
     def _loop(self) -> None:
@@ -124,7 +124,7 @@ class Simulator:
                 self._do_requests()
 
     def _set_time(self, now: float) -> None:
-        """Go on at another time (s)."""
+        """Set simulated time (s), and shift the obstacles' lifetimes."""
         self._obstacles.shift(now - self.simulation.now)
         self.simulation.set_time(now)
 
@@ -158,7 +158,7 @@ class Simulator:
         try:
             self._commands.put(twist_from_message(message))
         except InvalidMessage as error:
-            self._commands.put(STOP)  # who computes nonsense has no way to go on with
+            self._commands.put(STOP)  # whoever sends invalid velocities must not drive on by the last valid one
             rospy.logwarn_throttle(1.0, f"cmd_vel refused, and the robot stops: {error}")
 
     def _take_pose(self, message: PoseStamped) -> None:
@@ -227,7 +227,7 @@ class Simulator:
         return TriggerResponse(True, os.pathsep.join(paths))
 
     def _ask(self, request: Callable[[], Any]) -> Any:
-        """Have the simulation's thread do something and return what comes of it."""
+        """Run a request in the simulation's thread; return its result, or raise its ValueError or OSError."""
         done = threading.Event()
         answers: List[Any] = []
         errors: List[Exception] = []
@@ -257,7 +257,7 @@ class Simulator:
             request()
 
     def _rest(self) -> None:
-        """Wait, paused, for something to do; whoever joins meanwhile gets the time."""
+        """Wait for a request while paused; the time is published for new subscribers."""
         self._topics.publish_clock(self.simulation.now)
         with contextlib.suppress(queue.Empty):
             self._requests.get(timeout=0.2)()
@@ -285,7 +285,7 @@ class Simulator:
         return diagnostics.OK, "paused" if self._paused else "running", values
 
     def _look_at_footprints(self) -> None:
-        """Warn of navigation that takes the robot for a smaller one."""
+        """Warn of nodes whose local costmap has a footprint smaller than the robot."""
         nodes = drivers(rospy.get_param_names(), rospy.get_namespace())  # get_param("/") tells what rospy has cached
         values = {node: parameters.read_namespace(node) for node in sorted(nodes)}
         for line in too_small_footprints(values, self.simulation.robot):

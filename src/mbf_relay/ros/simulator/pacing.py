@@ -7,7 +7,7 @@ import time
 from typing import Callable, Optional
 
 CATCH_UP = 0.25
-"""Wall seconds of delay that are made up for; what is more is let go, or a pause of the machine would end in a rush."""
+"""Largest delay (wall s) that is made up for; after a longer pause of the machine, the simulation must not rush."""
 
 
 class RealTimePacer:
