@@ -1,4 +1,4 @@
-"""The fake_localization node: amcl's topics and transform out of the robot's true pose, as a simulator knows it."""
+"""The fake_localization node: amcl's topics and transform, made from the robot's true pose as given by a simulator."""
 
 from __future__ import annotations
 
@@ -28,12 +28,11 @@ SILENCE = 15.0
 
 
 class FakeLocalizationNode:
-    """Hears true poses and tells of each that odometry is known for.
+    """Publishes the pose and map -> odom for each true pose, once odometry's transform of the same time is there.
 
-    Where no more come, map -> odom grows old, and what drives by it stops: a simulator that is gone is no robot that
-    stands.
+    Without true poses map -> odom is not repeated, so that it gets too old and the robot stops.
 
-    Threads: callbacks leave true poses in the queue, and the newest initial pose; the main thread does the rest.
+    Threads: callbacks store true poses in the queue, and the newest initial pose; the main thread does the rest.
     """
 
     def __init__(self, values: FakeLocalizationParameters) -> None:
@@ -45,7 +44,7 @@ class FakeLocalizationNode:
         self._transform_publisher = TransformPublisher()
         self._pose_publisher = rospy.Publisher("amcl_pose", PoseWithCovarianceStamped, queue_size=2, latch=True)
         self._cloud_publisher = rospy.Publisher("particlecloud", PoseArray, queue_size=2, latch=True)
-        self._initial_pose: Optional[Pose2D] = None  # until the next true pose, by which it is understood
+        self._initial_pose: Optional[Pose2D] = None  # applied with the next true pose
         self._sent, self._told_at = rospy.Time(0), time.monotonic()
         self._subscribers = [
             rospy.Subscriber("initialpose", PoseWithCovarianceStamped, self._take_initial_pose, queue_size=1),
@@ -101,7 +100,7 @@ class FakeLocalizationNode:
         self._cloud_publisher.publish(PoseArray(told.header, [told.pose.pose]))
 
     def _trouble(self) -> str:
-        """Return why there is no pose, where there is none."""
+        """Return why no pose is published."""
         waiting, topic = self._queue.oldest(), rospy.resolve_name(TOPIC)
         if waiting is None:
             return f"no true pose comes on {topic}"
