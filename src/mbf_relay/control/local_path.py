@@ -244,7 +244,7 @@ class PathTracker:
         points, arcs = self._points[part], self._arcs[part]
         if len(points) == 1:
             return float(np.hypot(*(place[0] - points[0]))), 0.0
-        first = max(0, int(arcs.searchsorted(start)) - 1)
+        first = max(0, min(int(arcs.searchsorted(start)) - 1, len(arcs) - 2))
         last = max(first + 2, min(len(arcs), int(arcs.searchsorted(end)) + 1))
         result = np.empty((1, 2))
         path_kernels.project(place, points[first:last], arcs[first:last], result)

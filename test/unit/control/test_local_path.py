@@ -6,6 +6,7 @@ import math
 import numpy as np
 import paper  # noqa: F401  (finds the helpers above)
 import pytest
+from kinematics import costmap_round, path_through
 from plain_footprint import random_costmap
 
 from mbf_relay.control import path_kernels
@@ -241,3 +242,18 @@ def test_a_robot_whose_path_leads_out_of_its_costmap_is_not_told_of_an_obstacle_
     path = tracker_on(line((0, 0), (3, 0))).cut(state(0.0, 0.0), 0.3, 3.0, 0.1)
     found = path.first_blocked(FootprintChecker(costmap))
     assert found == (None if blocked is None else pytest.approx(blocked, abs=0.05))
+
+
+def test_a_finer_grid_that_shows_a_fold_behind_the_robot_does_not_lead_the_search_off_the_path(monkeypatch):
+    """On a coarse grid it passed a fold unseen; on a finer one its place was looked for beyond the end of a leg."""
+    lengths, project = [], path_kernels.project
+    monkeypatch.setattr(path_kernels, "project", lambda places, line, arcs, result: (
+        lengths.append(len(line)), project(places, line, arcs, result)))
+    robot, tracker, legs = Pose2D(0.945, 1.5, 1.5), PathTracker(), []
+    tracker.set_path(path_through((0, 0), (1.085, 0.0), (0.945, 0.02), (0.945, 2.0)))
+    for resolution in (0.25, 0.02):
+        costmap = costmap_round(robot, resolution=resolution)
+        path = tracker.cut(dataclasses.replace(state(*robot), costmap=costmap), 0.6, 1.0, 0.4)
+        legs.append(len(tracker._legs))
+    assert legs == [1, 2] and min(lengths) >= 2
+    assert path.robot_distance < 0.01 and path.remaining == pytest.approx(0.5, abs=0.05)
