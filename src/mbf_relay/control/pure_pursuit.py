@@ -164,8 +164,8 @@ class RegulatedPurePursuit(PathFollower):
     def _is_free(self, cycle: ControlCycle, command: Twist2D) -> bool:
         """Return whether the arc is free for the time asked by the parameters, and for braking in any case."""
         p, state = self.parameters, cycle.state
-        to_carrot = cycle.path.remaining / max(command.speed(), 1e-3)
-        held = min(p.max_allowed_time_to_collision_up_to_carrot, to_carrot)
+        to_goal = cycle.path.remaining / max(command.speed(), 1e-3)
+        held = min(p.max_allowed_time_to_collision_up_to_carrot, to_goal)
         self._arc = arc(cycle.checker, state, command, max(stopping_time(p, command, state.period), held))
         return cycle.checker.free_steps(self._arc, state.pose) == len(self._arc)
 
