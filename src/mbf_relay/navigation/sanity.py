@@ -9,7 +9,6 @@ from typing import Any, Iterator, List, Mapping, Tuple, Type
 import numpy as np
 
 from mbf_relay.control.critics import CRITICS
-from mbf_relay.control.critics.critic import Critic
 from mbf_relay.costmap.factory import layer_class, layer_groups
 from mbf_relay.costmap.layer import Layer
 from mbf_relay.costmap.observation_source import SourceParameters
@@ -224,6 +223,8 @@ def _of_controller(group: Mapping[str, Any]) -> Iterator[Doubt]:
 
 def _rules_out_contacts(critics: Any) -> bool:
     """Return whether one of DWA's critics rules out trajectories in collision; True for lists that are not DWA's."""
+    from mbf_relay.control.critics.critic import Critic  # here, as composed nodes without critics import this module
+
     try:
         kinds = [find_class(name, Critic, CRITICS) for name in critics or ()]
     except (PluginError, TypeError, AttributeError):
