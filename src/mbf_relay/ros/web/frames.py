@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import threading
-from typing import Callable, List, Optional
+from typing import Callable, Dict, List, Optional
 
 import rospy
 import tf2_py
@@ -30,7 +30,7 @@ class Frames:
         """Listen; `changed` is called, in rospy's threads, whenever something came."""
         self._changed = changed
         self._lock = threading.Lock()
-        self._newest: Optional[rospy.Time] = None
+        self._newest: Dict[str, rospy.Time] = {}  # stamp on /tf by child frame: each node has its own clock
         self._tree = FrameTree(self._is_there)
         self._known = TransformCore(rospy.Duration(KEPT))
         self._subscribers: List[rospy.Subscriber] = []
@@ -85,12 +85,6 @@ class Frames:
             shift = transform.transform.translation
             if not (0 <= stamp.secs < LATEST_STAMP and math.isfinite(shift.x + shift.y + shift.z)):
                 continue
-            with self._lock:
-                if not is_static:
-                    if self._newest is not None and stamp + rospy.Duration(KEPT) < self._newest:
-                        self._known.forget()  # time began anew
-                        self._newest = None
-                    self._newest = stamp if self._newest is None else max(stamp, self._newest)
             try:
                 check_frames(transform.header.frame_id, transform.child_frame_id)
                 with self._lock:
@@ -101,6 +95,12 @@ class Frames:
                     if is_static:  # within the lock: who forgets meanwhile would lose it, and it comes once
                         self._known.set_transform_static(transform, sender)
                     else:
+                        child = transform.child_frame_id.lstrip("/")
+                        newest = self._newest.get(child, stamp)
+                        if stamp + rospy.Duration(KEPT) < newest:  # time began anew
+                            self._known.forget()
+                            self._newest, newest = {}, stamp
+                        self._newest[child] = max(stamp, newest)
                         self._known.set_transform(transform, sender)
             except (tf2_py.TransformException, InvalidMessage):
                 continue

@@ -34,12 +34,12 @@ def take(frames, transform, is_static=False, sender="/robot"):
     frames._take(message, is_static)
 
 
-def seen(frames, seconds, x):
+def seen(frames, seconds, x, child="base_footprint", sender="/robot"):
     message = TransformStamped()
     message.header.stamp, message.header.frame_id = rospy.Time.from_sec(seconds), "map"
-    message.child_frame_id, message.transform.translation.x = "base_footprint", x
+    message.child_frame_id, message.transform.translation.x = child, x
     message.transform.rotation.w = 1.0
-    take(frames, message)
+    take(frames, message, sender=sender)
     return frames.lookup("map", "base_footprint")
 
 
@@ -56,6 +56,13 @@ def test_a_robot_is_shown_after_its_clock_was_set_back(frames):
 def test_a_transform_somewhat_late_does_not_make_the_view_forget(frames):
     seen(frames, 100.0, 1.0)
     assert seen(frames, 95.0, 2.0).x == 1.0
+
+
+@pytest.mark.parametrize("child", ["camera", "base_footprint"])
+def test_a_robot_is_still_shown_after_a_node_whose_clock_is_behind_spoke(frames, child):
+    seen(frames, 100.0, 1.0)
+    seen(frames, 50.0, 2.0, child, "/stranger" if child == "base_footprint" else "/robot")
+    assert frames.lookup("map", "base_footprint").x == 1.0
 
 
 def test_a_robot_is_still_shown_after_its_map_was_hung_on_it(frames):
