@@ -62,8 +62,10 @@ class Recording:
         """Begin a bag of a robot's topics, `namespace` with a slash at both ends, and return its path.
 
         Raises:
-            OSError: There is no room for it.
+            OSError: There is no room for it, or the last bag is still being finished.
         """
+        if self.is_on and self._asked:
+            raise OSError(f"{self.path} is still being finished; try again in a few seconds")
         if not self.is_on:
             os.makedirs(self._folder, exist_ok=True)
             if self._lack():

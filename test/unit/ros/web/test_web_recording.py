@@ -1,5 +1,6 @@
 """Recordings that somebody started from a browser, and that fail while nobody sees rosbag's own words."""
 
+import os
 import shutil
 import signal
 import subprocess
@@ -71,6 +72,20 @@ def test_a_recording_that_somebody_ended_is_no_failure(recording):
         recording.stop()
     assert recording._process.wait() != 0  # sleep's, on an interrupt
     assert not recording.is_on and recording.look() == ""
+
+
+def test_a_person_who_records_again_while_the_last_bag_is_ending_is_not_told_that_it_is_recorded(recording):
+    recording._command = lambda _namespace: ["bash", "-c", "trap '' INT; : > \"$0\"; exec sleep 60", recording.path]
+    path = recording.start("/")
+    wait_until(lambda: os.path.exists(path), "a process that ends late")
+    recording.stop()
+    with pytest.raises(OSError, match="still being finished"):
+        recording.start("/")
+    recording._process.kill()
+    recording._process.wait()
+    recording._command = lambda _namespace: ["sleep", "60"]
+    recording.start("/")
+    assert recording.is_on
 
 
 def test_a_person_who_ends_a_recording_before_it_has_begun_is_told_that_there_is_none(recording):
