@@ -35,14 +35,17 @@ class BagReader:
         """Return the log; ValueError where no scan can be related to odometry."""
         messages = self._load(bag)
         rows: List[Tuple[float, Pose2D, np.ndarray, Optional[Pose2D]]] = []
-        first, mount = None, None
+        first, mount, lidar = None, None, ""
         for message in messages:
             try:
                 odom = self._pose(self._odom, self._base, message.header.stamp)
+                check_frames(message.header.frame_id)
+                frame = message.header.frame_id.lstrip("/")
                 if mount is None:
-                    check_frames(message.header.frame_id)
-                    frame = message.header.frame_id.lstrip("/")
                     mount = mounting_of(self._buffer.lookup_transform_core(self._base, frame, rospy.Time(0)).transform)
+                    lidar = frame
+                if frame != lidar:
+                    raise InvalidMessage(f"its lidar is '{frame}', and a log has one, here '{lidar}'")
                 scan = seen_from_above(scan_from_message(message), mount[1])
                 truth = self._pose(*self._reference, message.header.stamp) if self._reference else None
             except (tf2_ros.TransformException, InvalidMessage) as error:

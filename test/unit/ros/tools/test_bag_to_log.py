@@ -24,15 +24,15 @@ def transform(parent, child, stamp):
     return message
 
 
-def write(path, scans):
-    """Write a bag of scans, one a second, of which odometry covers the first four."""
+def write(path, scans, frames=("laser",)):
+    """Write a bag of scans, one a second, by lidars in turn, of which odometry covers the first four."""
     with rosbag.Bag(str(path), "w") as bag:
-        fixed = TFMessage([transform("base_link", "laser", 1)])
+        fixed = TFMessage([transform("base_link", frame, 1) for frame in frames])
         bag.write("/tf_static", fixed, rospy.Time(1))
         for second in range(1, 5):
             bag.write("/tf", TFMessage([transform("odom", "base_link", second)]), rospy.Time(second))
         for second, scan in enumerate(scans, 1):
-            scan.header = Header(0, rospy.Time(second), "laser")
+            scan.header = Header(0, rospy.Time(second), frames[(second - 1) % len(frames)])
             bag.write("scan", scan, rospy.Time(second))
     return path
 
@@ -65,6 +65,15 @@ def test_a_lidar_whose_turns_differ_in_their_number_of_beams_is_in_the_log_with_
     log = load_log(tmp_path / "log.npz")
     assert log.ranges == pytest.approx(np.resize(2.0 + np.sin(log.angle_min + log.angle_increment * np.arange(360)),
                                                  (4, 360)), abs=0.02)
+
+
+def test_scans_of_a_second_lidar_on_the_topic_are_not_logged_as_if_it_sat_where_the_first_does(tmp_path, capsys):
+    scan = LaserScan(angle_max=3.0, angle_increment=1.0, range_min=0.1, range_max=5.0, ranges=[1.0] * 4)
+    bag = write(tmp_path / "drive.bag", [scan] * 4, ["front", "back"])
+    assert main([str(bag), str(tmp_path / "log.npz")]) == 0
+    told = capsys.readouterr()
+    assert "2 scans of 4 beams written" in told.out
+    assert "2 of 4 scans left out, the first because its lidar is 'back', and a log has one, here 'front'" in told.err
 
 
 @pytest.mark.parametrize("name", ["scan", "/scan"])
