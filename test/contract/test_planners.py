@@ -375,7 +375,7 @@ def test_a_watcher_sees_the_potential_and_the_path_is_the_same(case):
 
 
 def test_a_goal_in_the_robot_s_own_cell_is_planned_to_whatever_map_there_was_before(case):
-    """It was shown the potential of the plan before, over a map that had grown since, and navfn's cloud failed."""
+    """It was shown the potential of the plan before, which did not fit a map that had grown since."""
     planner = made(case)
     planner.potential_watcher = Watcher(True)
     small, grown = drawn(ROOMS), snapshot(np.zeros((30, 30), dtype=np.uint8))
