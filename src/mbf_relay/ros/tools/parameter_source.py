@@ -156,10 +156,8 @@ def _add(node: Any, loader: Any, namespace: str, path: str, source: ParameterSou
     """Add what stands in a mapping, group by group.
 
     Args:
-        node: The mapping.
-        loader: Makes values of what is in it.
-        namespace: Of the mapping.
-        path: Of the file.
+        node, loader: The mapping, and what makes values of its nodes.
+        namespace, path: Of the mapping, and of its file.
         source: Takes the values.
     """
     seen: Dict[str, int] = {}
@@ -169,8 +167,7 @@ def _add(node: Any, loader: Any, namespace: str, path: str, source: ParameterSou
         name = str(loader.construct_object(key, deep=True)).strip("/")
         full, line = f"{namespace}/{name}".strip("/"), key.start_mark.line + 1
         if name in seen:
-            text = f"stands twice, in lines {seen[name]} and {line}; the last one holds"
-            source.trouble.append((full, text))
+            source.trouble.append((full, f"stands twice, in lines {seen[name]} and {line}; the last one holds"))
         if id(key) in written:
             seen[name] = line
         if isinstance(value, yaml.MappingNode) and value.value:
@@ -228,10 +225,9 @@ class _LaunchReader:
         """Read it.
 
         Args:
-            path: The file.
+            path, depth: The file, and by how many includes it was reached.
             substitution: With the arguments given from outside; defaults in the file come second.
             namespace: It is included in.
-            depth: Of includes.
             parameters: Takes what is set, by full names: the last of one name holds, as on the parameter server.
             launch: Takes the rest of what is found.
         """
@@ -292,7 +288,12 @@ class _LaunchReader:
 
     def _take_members(self, element: Element, namespace: str) -> None:
         """Take the servers among the nodes that are forked from one, each by its command line behind a "--"."""
-        for is_between, words in itertools.groupby(shlex.split(self._text(element, "args")), "--".__eq__):
+        text = self._text(element, "args")
+        try:
+            arguments = shlex.split(text)
+        except ValueError as error:
+            raise ValueError(f'{self._path}:{self._lines[element][0]}: args="{text}": {error}') from error
+        for is_between, words in itertools.groupby(arguments, "--".__eq__):
             program, *rest = words
             if not is_between and program in TYPES:
                 given = [word[len(NAMED):] for word in rest if word.startswith(NAMED)]

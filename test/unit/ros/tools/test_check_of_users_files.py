@@ -134,6 +134,15 @@ def test_of_a_file_that_is_not_there_is_told_who_loads_it(tmp_path, capsys):
     assert "gone.yaml: there is no such file; " in told and "inner.launch:6 loads it" in told
 
 
+def test_of_an_open_quotation_in_a_node_s_arguments_is_told_where_it_is(tmp_path, capsys):
+    """It ended in "No closing quotation", of launch files that include each other."""
+    node = """<launch>
+      <node pkg="mbf_relay" type="compose" name="all" args="-- amcl __name:='amcl"/>
+    </launch>"""
+    assert check(tmp_path, node, name="nav.launch")[0] == 2
+    assert """nav.launch:2: args="-- amcl __name:='amcl": No closing quotation""" in capsys.readouterr().err
+
+
 AMCL = """<launch>
   <node pkg="amcl" type="amcl" name="amcl">
     <rosparam>
