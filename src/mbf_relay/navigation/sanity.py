@@ -88,10 +88,13 @@ def _of_two_outlines(config: Mapping[str, Any]) -> List[Doubt]:
 
 
 def _outline_of_what_drives(config: Mapping[str, Any]) -> str:
-    """Return the name of the parameter that sets the local costmap's outline."""
+    """Return the name of the parameter that sets the local costmap's outline.
+
+    As in costmap_2d, a footprint in the parent namespace comes before a robot_radius in the costmap's own.
+    """
     local = config.get("local_costmap")
     groups = {"local_costmap/": local if isinstance(local, Mapping) else {}, "": config}
-    given = [f"{prefix}{name}" for prefix, group in groups.items() for name in OUTLINES if name in group]
+    given = [f"{prefix}{name}" for name in OUTLINES for prefix, group in groups.items() if name in group]
     return (given or ["local_costmap/footprint"])[0]
 
 

@@ -95,6 +95,15 @@ def test_a_package_is_read_where_it_is_written_not_where_the_workspace_installs_
     assert status == 0 and line_about(told, "controler_frequency").endswith("src/robot/speeds.yaml:1]")
 
 
+def test_of_two_sizes_of_robot_the_outline_in_use_is_told_where_a_footprint_stands_above_a_radius(tmp_path):
+    """costmap_2d searches the parent namespaces for a footprint before it looks for a radius; the radius was named."""
+    footprint = "footprint: [[0.5, 0.5], [-0.5, 0.5], [-0.5, -0.5], [0.5, -0.5]]\n"
+    costmaps = COSTMAPS.replace("global_costmap: {", "global_costmap: {footprint: [], ")
+    _, told = check(tmp_path, costmaps + footprint)
+    assert "doubtful: footprint: reaches 0.50 m" in told, told
+    assert "robot_radius: reaches" not in told
+
+
 @pytest.mark.parametrize("group", ["", "  scan: {topic: front_scan, data_type: LaserScan}\n"])
 def test_a_sensor_of_which_only_the_name_is_told_is_doubted(tmp_path, group):
     """It is a point cloud on a topic of that name, which nobody publishes: the robot saw nothing, and nobody was told.
