@@ -120,7 +120,10 @@ def _of_what_is_driven_by(group: Mapping[str, Any]) -> Iterator[Doubt]:
     """Yield doubts about a local costmap without sensors, layers of it without any, or without updates."""
     seeing = [(name, kind.groups(values)) for name, kind, values in _layers(group)
               if issubclass(kind, ObstacleLayerParameters)]
-    if not _may_see(group):
+    eyes = _seeing_layers(group)
+    if eyes and all(values.get("enabled") is False for values in eyes.values()):
+        yield f"{next(iter(eyes))}/enabled", f"is False, {BLIND}"
+    if not eyes:
         yield "plugins", (f"lists no layer that takes what a sensor sees, {BLIND}; the list replaces all other layers, "
                           "and the costmap's own observation_sources are not read beside it")
     for name, sources in seeing:
@@ -156,19 +159,19 @@ def _of_sources(group: Mapping[str, Any]) -> Iterator[Doubt]:
             yield at, text
 
 
-def _may_see(group: Mapping[str, Any]) -> bool:
-    """Return whether some layer may show what a sensor sees.
+def _seeing_layers(group: Mapping[str, Any]) -> Mapping[str, Mapping[str, Any]]:
+    """Return the parameters of the layers that may show what a sensor sees, enabled or not, by the layers' names.
 
     One of ours that has sensors, one that has overridden `sources`, one that is not found, or one that takes a map by
     another topic than the usual one: octomap_server's and rtabmap's are made of what is seen.
     """
     try:
-        listed = [(layer_class(type_name, values), values) for _name, type_name, values in layer_groups(group)]
+        listed = [(name, layer_class(type_name, values), values) for name, type_name, values in layer_groups(group)]
     except ValueError:
-        return True  # told elsewhere
+        return {"": {}}  # told elsewhere
     usual = StaticLayerParameters.map_topic
-    return any(kind.sources is not Layer.sources or values.get("map_topic", usual) not in (usual, f"/{usual}")
-               for kind, values in listed)
+    return {name: values for name, kind, values in listed
+            if kind.sources is not Layer.sources or values.get("map_topic", usual) not in (usual, f"/{usual}")}
 
 
 def _layers(group: Mapping[str, Any]) -> Iterator[Tuple[str, Type[ParameterSet], Any]]:

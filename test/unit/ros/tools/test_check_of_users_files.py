@@ -281,6 +281,19 @@ def test_a_robot_whose_layers_all_see_nothing_is_not_called_sound(tmp_path, laye
     assert ("local_costmap/plugins: lists no layer that takes what a sensor sees, so that nothing" in told) == doubted
 
 
+def test_a_robot_whose_obstacle_layer_is_switched_off_is_not_called_sound(tmp_path):
+    switched_off = "rolling_window: true, obstacle_layer: {enabled: false}, "
+    status, told = check(tmp_path, COSTMAPS.replace("rolling_window: true, ", switched_off))
+    assert status == 1
+    assert "local_costmap/obstacle_layer/enabled: is False, so that nothing is seen there" in told, told
+    listed = "plugins: [{name: a, type: 'costmap_2d::ObstacleLayer'}, {name: b, type: 'costmap_2d::VoxelLayer'}], "
+    groups = "a: {enabled: %s, observation_sources: s, s: {topic: s}}, b: {enabled: false, observation_sources: s}, "
+    for other, doubted in (("false", True), ("true", False)):
+        layers = f"rolling_window: true, {listed}{groups % other}"
+        _, told = check(tmp_path, COSTMAPS.replace("rolling_window: true, ", layers))
+        assert ("enabled: is False, so that nothing is seen there" in told) == doubted, told
+
+
 @pytest.mark.parametrize("critics, doubted", [
     ("[path, goal]", True), ("[mbf_relay.control.critics.motion.Slow]", True), ("[path, obstacle]", False),
     ("[mbf_relay.control.critics.obstacle.ObstacleCost, path]", False), ("[]", False), ("[ObstacleCritic]", False),
