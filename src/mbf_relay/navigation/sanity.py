@@ -199,14 +199,21 @@ def _of_order(group: Mapping[str, Any]) -> Iterator[Doubt]:
     """Yield a doubt about obstacle layers listed after the inflation layer, which then does not inflate them."""
     late: List[str] = []
     inflation = ""
-    for name, kind, _values in _layers(group):
+    for name, kind, values in _layers(group):
         if "inflation_radius" in kind.names():
             late, inflation = [], name
-        elif inflation and issubclass(kind, (ObstacleLayerParameters, RangeSensorLayerParameters)):
+        elif inflation and (issubclass(kind, RangeSensorLayerParameters) or _marks(kind, values)):
             late.append(name)
     if late:
         yield "plugins", (f"lists {', '.join(map(repr, late))} after '{inflation}', which inflates only what layers "
                           "before it have marked: paths lead right beside what is seen; list it last")
+
+
+def _marks(kind: Type[ParameterSet], values: Mapping[str, Any]) -> bool:
+    """Return whether it is an obstacle layer with a source that marks; others only clear."""
+    sources = kind.groups(values) if issubclass(kind, ObstacleLayerParameters) else []
+    return any(not isinstance(values.get(source), Mapping) or values[source].get("marking") is not False
+               for source in sources)
 
 
 def _of_controller(group: Mapping[str, Any]) -> Iterator[Doubt]:

@@ -294,6 +294,16 @@ def test_a_robot_whose_obstacle_layer_is_switched_off_is_not_called_sound(tmp_pa
         assert ("enabled: is False, so that nothing is seen there" in told) == doubted, told
 
 
+def test_a_layer_behind_the_inflation_that_only_clears_is_not_doubted(tmp_path):
+    """What marks nothing has nothing to be inflated."""
+    layers = ("plugins: [{name: seen, type: 'costmap_2d::ObstacleLayer'}, {name: grown, type: "
+              "'costmap_2d::InflationLayer'}, {name: freed, type: 'costmap_2d::ObstacleLayer'}], "
+              "seen: {observation_sources: scan, scan: {topic: scan}}, "
+              "freed: {observation_sources: scan, scan: {topic: scan, marking: false, clearing: true}}, ")
+    status, told = check(tmp_path, COSTMAPS.replace("observation_sources: scan, ", layers))
+    assert status == 0 and "after 'grown'" not in told, told
+
+
 @pytest.mark.parametrize("critics, doubted", [
     ("[path, goal]", True), ("[mbf_relay.control.critics.motion.Slow]", True), ("[path, obstacle]", False),
     ("[mbf_relay.control.critics.obstacle.ObstacleCost, path]", False), ("[]", False), ("[ObstacleCritic]", False),
