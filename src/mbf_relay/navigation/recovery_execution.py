@@ -177,10 +177,13 @@ class RecoveryExecution:
         """Run the behaviour to its next velocity, None at its end; on the worker."""
         if self._steps is None:
             self._steps = iter(behavior.run(self._context))
-        velocity = next(self._steps, None)
+        done: Any = object()
+        velocity = next(self._steps, done)
         if self._given_up:
             self._close(behavior)
-        return velocity
+        if velocity is None:
+            raise ValueError("it yielded None; it must yield a Twist2D at each step, and return when it is done")
+        return None if velocity is done else velocity
 
     def _close(self, _behavior: Recovery) -> None:
         close = getattr(self._steps, "close", None)

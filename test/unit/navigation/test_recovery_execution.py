@@ -26,6 +26,18 @@ def test_a_behaviour_drives_step_by_step_and_ends_with_a_zero(bench):
     assert bench.robot.pose.x == pytest.approx(0.1)
 
 
+def test_a_behaviour_that_yields_no_velocity_is_told_so_and_has_not_succeeded(bench):
+    def drive(_context):
+        yield
+        yield FORWARD
+
+    bench.script.recovery = drive
+    task = bench.navigator.recovery(RecoverGoal("R2"))
+    result = bench.finish(task)
+    assert task.ending is Ending.ABORTED and result.outcome is RecoveryOutcome.INTERNAL_ERROR
+    assert "it yielded None" in result.message
+
+
 def test_a_behaviour_is_asked_at_the_controller_s_rate_however_often_navigation_is_stepped(bench):
     periods = []
 
