@@ -17,7 +17,7 @@ from mbf_relay.lockstep.fitting import fitted
 from mbf_relay.lockstep.settings import Settings, change, flatten, load_own, load_settings, merged, own_part
 from mbf_relay.lockstep.tasks import MAP_RESOLUTION, EpisodeTask
 from mbf_relay.maps import COARSEST, FINEST
-from mbf_relay.navigation.examination import CLAMPED, IGNORED, STOOD_IN, examine_server
+from mbf_relay.navigation.examination import CLAMPED, DOUBTFUL, IGNORED, STOOD_IN, examine_server
 from mbf_relay.navigation.parameters import NavigatorParameters
 from mbf_relay.navigation.plugin_lists import PLUGIN_LISTS
 from mbf_relay.navigation.registry import entries_of
@@ -49,6 +49,8 @@ UNHEARD = ("imu_rate", "gyro_noise", "accelerometer_noise", "joint_state_rate")
 """Parameters of simulated sensors that are not used in lockstep."""
 OF_THE_NODE = {*AmclParameters.names(), *NODE_ONLY} - {*LocalizerParameters.names(), "odom_frame_id", "global_frame_id"}
 """Parameters of the amcl node that are not used in lockstep: on topics, publishing and start-up."""
+TOLD = (IGNORED, CLAMPED, STOOD_IN, DOUBTFUL)
+"""Kinds of findings about the server's parameters that a user's own ones are noted for."""
 RESOLUTION = "--map-resolution"
 """Name under which `_idle` reports the map resolution: it is an option, not a parameter of a node."""
 
@@ -162,15 +164,15 @@ def _idle(changed: Iterable[str], setup: Setup, tasks: Sequence[EpisodeTask]) ->
 
 
 def _notes_on(settings: Settings, packages: Settings) -> List[str]:
-    """Return notes on parameters that are unknown, unused, clamped, or taken by another plugin than the one named.
+    """Return notes on parameters that are unknown, unused, clamped, doubtful, or taken by a stand-in for a plugin.
 
     Args:
         settings: The settings with the user's own parameters.
         packages: Those without; there are no notes on what is in them.
     """
-    now, before = examine_server(settings[SERVER]).of(IGNORED, CLAMPED, STOOD_IN), []
+    now, before = examine_server(settings[SERVER]).of(*TOLD), []
     if now:  # seldom; saves time in tune.py, which calls this for each trial
-        before = examine_server(packages[SERVER]).of(IGNORED, CLAMPED, STOOD_IN)
+        before = examine_server(packages[SERVER]).of(*TOLD)
     theirs = set(flatten(packages)) | {f"{SERVER}.{group}" for group in packages[SERVER]}
     notes = []
     for finding in now:

@@ -202,7 +202,8 @@ def test_who_lets_another_robot_drive_by_a_parameter_alone_is_told_whose_footpri
     assert not make_setup(config_folder(), robot="waffle").notes
     assert not make_setup(config_folder(), changes=["simulator.robot=burger", "simulator.scan_noise=0.02"]).notes
     own = "local_costmap.footprint=[[-0.2, -0.2], [-0.2, 0.2], [0.1, 0.2], [0.1, -0.2]]"
-    assert not make_setup(config_folder(), changes=["simulator.robot=waffle", own]).notes
+    changes = ["simulator.robot=waffle", own, own.replace("local", "global")]
+    assert not make_setup(config_folder(), changes=changes).notes
 
 
 def test_parameters_of_drives_with_a_layer_in_another_s_place_can_be_changed(tmp_path):
@@ -212,3 +213,11 @@ def test_parameters_of_drives_with_a_layer_in_another_s_place_can_be_changed(tmp
         f"move_base_flex: {{local_costmap: {{plugins: {layers}, seen: {{observation_sources: scan}}}}}}\n")
     setup = make_setup(config_folder(), changes=["seen.max_obstacle_height=1.5"], config=tmp_path / "mine.yaml")
     assert setup.settings["move_base_flex"]["local_costmap"]["seen"]["max_obstacle_height"] == 1.5
+
+
+def test_who_drives_a_batch_with_a_speed_in_centimetres_is_told_as_the_server_tells(tmp_path):
+    file = tmp_path / "move_base_flex.yaml"
+    file.write_text("PurePursuit: {max_vel_x: 26.0, max_vel_trans: 26.0}\n")
+    for given in ({"config": file}, {"changes": ["PurePursuit.max_vel_x=26.0", "PurePursuit.max_vel_trans=26.0"]}):
+        notes = make_setup(config_folder(), **given).notes
+        assert any("PurePursuit.max_vel_x: is 26.0; speeds are in m/s" in note for note in notes), notes
