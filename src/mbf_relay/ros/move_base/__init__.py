@@ -1,1 +1,1 @@
-"""The node that takes move_base's place by itself: the relay and the server it needs, in one process."""
+"""The node move_base: relay and Move Base Flex server in one process."""

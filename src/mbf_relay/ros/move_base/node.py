@@ -1,7 +1,7 @@
-"""The node move_base by itself: a launch file written for move_base needs `pkg="mbf_relay"` and nothing else.
+"""The node move_base, with the relay and the Move Base Flex server in one process.
 
-Topics, services, actions, parameters and dynamic_reconfigure have the names they have in move_base; those of a Move
-Base Flex server are there too.
+In a launch file written for move_base only `pkg` changes, to "mbf_relay". Topics, services, actions, parameters and
+dynamic_reconfigure have move_base's names; the node also has the actions and services of a Move Base Flex server.
 """
 
 from __future__ import annotations
@@ -26,15 +26,15 @@ from mbf_relay.ros.relay.server_side import ServerSide
 from mbf_relay.ros.server.node import MoveBaseFlex
 
 ANYWHERE = 1e9
-"""Metres from its goal within which every arrival is."""
+"""arrival_tolerance (m) that no goal exceeds: in the same process the controller's own tolerance decides."""
 LOOK_PERIOD = 0.05
-"""Wall time (s) between looks at whether goals can be carried out."""
+"""Wall time (s) between checks whether the costmaps have the inputs they need."""
 SAY_PERIOD = 5.0
-"""Wall time (s) after which a node that waits says again for what."""
+"""Wall time (s) between two log lines on what the node waits for."""
 
 
 class MoveBaseServer(ServerSide):
-    """The server's half of the node, which has move_base's topics and services itself, for the relay's half."""
+    """The server in the relay's process, which itself has move_base's topics and services of costmaps and plans."""
 
     settings: OwnSettings
 
@@ -42,7 +42,7 @@ class MoveBaseServer(ServerSide):
         """Make costmaps and plugins.
 
         Args:
-            namespace: What stands under the node on the parameter server.
+            namespace: The parameters in the node's private namespace.
 
         Raises:
             ValueError: A parameter is wrong.
@@ -70,13 +70,13 @@ class MoveBaseServer(ServerSide):
         )
 
     def relay_parameters(self, namespace: Mapping[str, Any]) -> RelayParameters:
-        """Return those of a relay whose server is in its process; see ServerSide."""
+        """Return the parameters of a relay whose server is in its process; see ServerSide."""
         given, notes = RelayParameters.read(namespace)
         ros_parameters.warn_of(notes, "~")
         return with_own_server(given, self._global_frame)
 
     def start(self) -> None:
-        """Serve, and wait until a goal can be carried out, as move_base does; only then it takes any."""
+        """Start the server; return when the costmaps have their inputs: as in move_base, no goals are taken before."""
         self._server.start()
         self.settings.serve(self._server)
         said = float("-inf")
@@ -90,21 +90,21 @@ class MoveBaseServer(ServerSide):
             time.sleep(LOOK_PERIOD)
 
     def offer(self, where: Callable[[], PoseStamped]) -> None:
-        """Do nothing: the server beside offers all of it."""
+        """Do nothing: the server in this process offers all of it."""
 
     def came(self) -> None:
-        """Do nothing: the server beside has the settings already."""
+        """Do nothing: the server in this process has the settings already."""
 
     def _missing(self) -> List[str]:
-        """Return what the costmaps have never had and show nothing without."""
+        """Return what the costmaps still wait for, such as a first map or scan."""
         return [reason for reason in (node.missing_input() for node in self._nodes.values()) if reason]
 
 
 def with_own_server(given: RelayParameters, global_frame: str) -> RelayParameters:
-    """Return a relay's parameters where the server is in its process: when the robot is there, its controller says."""
+    """Return a relay's parameters for a server in its own process, whose controller alone judges arrivals."""
     return given.replace(server=rospy.get_name(), global_frame=global_frame, arrival_tolerance=ANYWHERE)
 
 
 def main() -> None:
-    """Stand in for move_base until the node ends."""
+    """Run the node until it is shut down."""
     serve(side=MoveBaseServer(ros_parameters.read_namespace("~")))

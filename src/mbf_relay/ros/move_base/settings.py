@@ -1,4 +1,4 @@
-"""move_base's own parameters where the server is in the same process: changed there, with nothing to forward."""
+"""dynamic_reconfigure of move_base's own parameters, where the server is in the same process."""
 
 from __future__ import annotations
 
@@ -21,22 +21,22 @@ from mbf_relay.ros.server.node import MoveBaseFlex
 
 
 class OwnSettings:
-    """Offers move_base's parameters for change and makes the changes in the server beside it.
+    """Offers move_base's parameters by dynamic_reconfigure and applies changes to the server in this process.
 
     Attributes:
         values: The parameters in force.
-        recoveries: The order of recovery behaviours; empty for that of the user's list.
-        knows_server: Whether it is known what the server calls its plugins; it is the same list here.
+        recoveries: Names of move_base's default recovery behaviours, in order; empty where the user lists his own.
+        knows_server: Whether the names of the server's plugins are known; here they always are.
     """
 
     knows_server = True
 
     def __init__(self, values: MoveBaseParameters, namespace: Mapping[str, Any]) -> None:
-        """Start with the file's values.
+        """Start with the values on the parameter server.
 
         Args:
-            values: Those.
-            namespace: What stands under the node, plugins' groups and a list of recovery behaviours among it.
+            values: move_base's own parameters.
+            namespace: All parameters in the node's private namespace, with the plugins' groups.
         """
         self.values, self._namespace = values, namespace
         self.recoveries: Tuple[str, ...] = () if lists_recoveries(namespace) else default_recoveries(values)
@@ -44,19 +44,19 @@ class OwnSettings:
         self._front: Any = None
 
     def serve(self, server: MoveBaseFlex) -> None:
-        """Offer the parameters for change."""
+        """Start the dynamic_reconfigure server; changes are applied to `server`."""
         from mbf_relay.cfg import MoveBaseConfig
 
         self._server = server
         self._front = reconfigure.serve(MoveBaseConfig, self.values, self._change)
 
     def plugin_names(self) -> Tuple[str, str]:
-        """Return the names of the planner and the controller in use."""
+        """Return the server's names of the planner and the controller in use."""
         planner, controller = self.values.base_global_planner, self.values.base_local_planner
         return plugin_name(adapted(planner, self._namespace)), plugin_name(adapted(controller, self._namespace))
 
     def _change(self, new: MoveBaseParameters) -> None:
-        """Take new values from dynamic_reconfigure.
+        """Apply new values from dynamic_reconfigure.
 
         Raises:
             ValueError: A plugin of that type cannot be made.
