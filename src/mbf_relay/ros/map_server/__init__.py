@@ -1,1 +1,1 @@
-"""Maps from files, and to files."""
+"""The nodes map_server and map_saver."""

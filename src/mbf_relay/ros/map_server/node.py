@@ -1,4 +1,4 @@
-"""The map_server node: a map from a file, latched on a topic and given on request."""
+"""The map_server node: loads a map from a file, publishes it latched and returns it by service."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class MapServer:
     def __init__(self, occupancy: OccupancyMap) -> None:
         self._frame = str(rospy.get_param("~frame_id", "map"))
         self._folder = str(rospy.get_param("~map_folder", ""))
-        self._lock = threading.Lock()  # services run in threads of their own; one map is current for all of them
+        self._lock = threading.Lock()  # guards _message: rospy runs each service call in its own thread
         self._map_publisher = rospy.Publisher("map", OccupancyGrid, queue_size=1, latch=True)
         self._metadata_publisher = rospy.Publisher("map_metadata", MapMetaData, queue_size=1, latch=True)
         self._publish(occupancy)
@@ -93,30 +93,30 @@ class MapServer:
 
 
 def is_below(path: str, folder: str) -> bool:
-    """Return whether a file lies below a folder, links followed, and so does what it names if it is a map's YAML file.
-    """
+    """Return whether a file lies below a folder, with links resolved; of a map's YAML file, its image must too."""
     root = os.path.realpath(folder)
     paths = [os.path.realpath(path)]
     try:
         paths.append(os.path.realpath(os.path.join(os.path.dirname(paths[0]), read_map_file(paths[0]).image)))
     except (OSError, ValueError):
-        pass  # whoever loads it says what is wrong with it
+        pass  # load_map reports what is wrong with it
     return all(os.path.commonpath((root, found)) == root for found in paths)
 
 
 def check_arguments(arguments: Sequence[str]) -> None:
-    """Raise ValueError where the command line names no map."""
+    """Raise ValueError where there are not one or two arguments."""
     if len(arguments) not in (1, 2):
         raise ValueError(f"{len(arguments)} arguments given; {USAGE}")
 
 
 def read_arguments(arguments: Sequence[str]) -> OccupancyMap:
-    """Load the map the command line names.
+    """Load the map given on the command line.
 
-    The word that stands for a resolution in the tutorials' launch file is often left there beside a YAML file.
+    A second argument beside a YAML file is ignored with a warning if it is no number; the tutorials' launch file has
+    one.
 
     Raises:
-        ValueError: The arguments are not understood, or the map is wrong.
+        ValueError: The number of arguments is wrong, or the map's files are invalid.
         OSError: A file cannot be read.
     """
     check_arguments(arguments)
@@ -140,7 +140,7 @@ def read_arguments(arguments: Sequence[str]) -> OccupancyMap:
 
 
 def _number(text: str) -> float:
-    """Return the number that a text is, 0 for what is none, as map_server does."""
+    """Return a text as a number, 0 where it is none, as atof in map_server does."""
     try:
         return float(text)
     except ValueError:
@@ -148,7 +148,7 @@ def _number(text: str) -> float:
 
 
 def main() -> None:
-    """Serve the map named on the command line until ROS shuts down."""
+    """Serve the map given on the command line until ROS shuts down."""
     look_at_clock_seldom()
     server = MapServer(read_arguments(rospy.myargv(sys.argv)[1:]))
     spare_what_stays()

@@ -1,4 +1,4 @@
-"""The map_saver node: waits for one map on a topic and writes it to files."""
+"""The map_saver node: waits for a map on the topic `map` and writes it as an image and a YAML file."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from mbf_relay.ros.common.conversions import map_from_message
 
 
 def make_parser() -> argparse.ArgumentParser:
-    """Return what reads the command line; it exits with its usage where that is wrong."""
+    """Return the parser of the command line."""
     parser = argparse.ArgumentParser(
         prog="map_saver", description="Write the map on the topic 'map' to NAME.pgm and NAME.yaml."
     )
@@ -32,7 +32,7 @@ USAGE = make_parser().format_help()
 
 
 def wait_for_map() -> Optional[OccupancyGrid]:
-    """Return the first map that comes on `map`, saying each ten seconds what is missing; None at shutdown."""
+    """Return the first message on `map`, with a warning every 10 s while there is none; None at shutdown."""
     while not rospy.is_shutdown():
         try:
             return rospy.wait_for_message("map", OccupancyGrid, timeout=10.0)
@@ -42,7 +42,7 @@ def wait_for_map() -> Optional[OccupancyGrid]:
 
 
 def check_arguments(arguments: Sequence[str]) -> argparse.Namespace:
-    """Return the options of the command line; raise ValueError where they contradict each other."""
+    """Return the options of the command line; raise ValueError unless 0 <= free < occ <= 100."""
     options = make_parser().parse_args(arguments)
     if not 0 <= options.free < options.occ <= 100:
         raise ValueError(f"--occ is {options.occ} and --free is {options.free}; they must be 0 <= free < occ <= 100")
@@ -50,7 +50,7 @@ def check_arguments(arguments: Sequence[str]) -> argparse.Namespace:
 
 
 def main() -> None:
-    """Save one map."""
+    """Save one map and end."""
     options = check_arguments(rospy.myargv(sys.argv)[1:])
     rospy.loginfo("waiting for a map on %s", rospy.resolve_name("map"))
     message = wait_for_map()
