@@ -1,1 +1,1 @@
-"""Several nodes forked from one process, which has imported what they all need."""
+"""Several nodes forked from one process, to share the memory of imported modules."""

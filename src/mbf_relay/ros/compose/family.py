@@ -1,4 +1,4 @@
-"""Processes forked from one that has prepared what they share, and forked anew where they end."""
+"""Child processes that are forked from a prepared process, and started again when they end."""
 
 from __future__ import annotations
 
@@ -16,18 +16,17 @@ from mbf_relay.ros.common.ending import adopt_orphans, ending_signals, interrupt
 RESPAWN_DELAY = 1.0
 """Wall time (s) from a child's end to its successor's start, as in the launch files of single nodes."""
 PATIENCE = 5.0
-"""Wall time (s) children get to end in; a node ends itself within 2.5 s."""
+"""Wall time (s) from SIGINT to SIGKILL; a node ends within 2.5 s."""
 ORPHANED = 0.001
-"""Wall time (s) between two looks of a child whether it is the family's: the one who forked it ends when all are there.
-"""
+"""Wall time (s) between a child's checks whether its nursery has ended and the parent has adopted it."""
 
 
 class Nursery(NamedTuple):
-    """A process that prepares, forks children and ends.
+    """A short-lived process that prepares, forks one child for each task, and ends.
 
     Attributes:
-        names: Of the tasks they are to do.
-        births: File descriptor; each child writes its process's number there, and the task's name.
+        names: Names of the tasks.
+        births: File descriptor (read end of a pipe) to which each child writes "PID NAME".
     """
 
     names: List[str]
@@ -35,17 +34,17 @@ class Nursery(NamedTuple):
 
 
 class Family:
-    """One process for each task, and a parent that watches them, with one thread that sleeps until something happens.
+    """Runs each task in a process of its own, supervised by a single-threaded parent that sleeps between signals.
 
-    What the tasks have in common is prepared by a process that forks them and ends: it would go on holding all that
-    each of its children has since written to, a quarter of what they share. The parent, which adopts them, has prepared
-    nothing, and does nothing of its own that could fail with a child. Where it is killed itself, its children end as by
-    Ctrl-C.
+    An intermediate process imports what the tasks share, forks them and ends; the parent adopts them as a subreaper. If
+    the intermediate process stayed, it would keep the old copy of each page that a child has since written to, a
+    quarter of the shared memory. The parent imports nothing of the tasks. Where the parent is killed, its children get
+    SIGINT.
 
     Args:
-        prepare: Called in a process of its own, with the names of the tasks that are then begun.
-        tasks: By name; each is called in a process of its own, whose exit status is 0 where it returns.
-        respawns: Whether a task is begun anew where its process ended, for whatever reason.
+        prepare: Called in the intermediate process with the names of the tasks that it will fork.
+        tasks: Functions by name; each is called in a process of its own, with exit status 0 where it returns.
+        respawns: Whether a task is started again when its process has ended, with any status.
     """
 
     def __init__(
@@ -57,7 +56,7 @@ class Family:
         self._failed = False
 
     def run(self) -> int:
-        """Return the exit status once all have ended: 0 after a signal, or where all returned; else 1."""
+        """Run until all processes have ended; return 0 after one of ending_signals() or if no task failed, else 1."""
         ends = ending_signals()
         adopt_orphans()
         before = signal.pthread_sigmask(signal.SIG_BLOCK, ends | {signal.SIGCHLD})
@@ -75,10 +74,15 @@ class Family:
             signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
     def _bear(self, names: List[str], signals: Iterable[int], when: float) -> None:
-        """Begin tasks at a time (s, monotonic), or as soon as what they need is prepared, with these signals blocked.
+        """Fork a nursery that starts tasks.
+
+        Args:
+            names: Names of the tasks.
+            signals: Signals that the tasks have blocked.
+            when: Earliest start (s, monotonic clock); they start later if the preparation takes longer.
         """
         parent = os.getpid()
-        ask_for_end = interrupt_at_death_of(parent)  # before there is a child: it loads a library
+        ask_for_end = interrupt_at_death_of(parent)  # before the fork: it loads a library
         births, told = os.pipe()
         sys.stdout.flush()
         sys.stderr.flush()
@@ -92,7 +96,7 @@ class Family:
             ask_for_end()
             os.close(births)
             nursery = os.getpid()
-            for number in ending_signals():  # there is nothing to clean up, nor to tell of
+            for number in ending_signals():  # there is nothing to clean up
                 signal.signal(number, signal.SIG_DFL)
             signal.pthread_sigmask(signal.SIG_SETMASK, signals)
             self._prepare(names)
@@ -104,12 +108,12 @@ class Family:
             else:
                 status = 0
         except SystemExit as end:
-            if isinstance(end.code, str):  # it says why
+            if isinstance(end.code, str):  # an error message
                 print(end.code, file=sys.stderr)
             else:
                 status = int(end.code or 0)
         except BaseException:
-            import traceback  # the parent, which lives as long as its children, needs none
+            import traceback  # here, to keep the long-lived parent small
 
             traceback.print_exc()
         finally:
@@ -117,14 +121,14 @@ class Family:
             os._exit(status)
 
     def _live(self, name: str, told: int, nursery: int, parent: int) -> int:
-        """Do a task and return its exit status, as a child that has just been forked.
+        """Run a task in a child that has just been forked; return its exit status.
 
         Args:
-            name: The task's.
-            told: File descriptor to tell of it.
-            nursery, parent: Processes: who forked it, and who adopts it then.
+            name: Name of the task.
+            told: File descriptor to which PID and name are written.
+            nursery, parent: PIDs of the process that forked it, and of the one that adopts it.
         """
-        os.write(told, f"{os.getpid()} {name}\n".encode())  # shorter than what the system writes in one piece
+        os.write(told, f"{os.getpid()} {name}\n".encode())  # shorter than PIPE_BUF: written in one piece
         os.close(told)
         while os.getppid() == nursery:
             time.sleep(ORPHANED)
@@ -133,7 +137,7 @@ class Family:
         return 0
 
     def _reap(self) -> List[str]:
-        """Take note of who has ended and return the names of tasks that have: done, failed or never begun."""
+        """Collect processes that have ended; return the names of tasks that returned, failed or were never started."""
         ended: Dict[int, int] = {}
         while True:
             try:
@@ -144,19 +148,19 @@ class Family:
                 break
             ended[child] = status
         gone: List[str] = []
-        for child in [child for child in ended if child in self._nurseries]:  # first: whom they bore may be among them
+        for child in [child for child in ended if child in self._nurseries]:  # first: their children may have ended too
             for name in self._take_births(self._nurseries.pop(child)):
                 self._tell(name, ended[child] or 1)
                 gone.append(name)
         for child, status in ended.items():
-            name = self._running.pop(child, "")  # none of those that a child has left behind
+            name = self._running.pop(child, "")  # empty for an adopted descendant of a child
             if name:
                 self._tell(name, status)
                 gone.append(name)
         return gone
 
     def _take_births(self, nursery: Nursery) -> List[str]:
-        """Take over the children of a nursery that has ended; returns the names of those that were never born."""
+        """Register the children of a nursery that has ended; return the names of tasks that were never forked."""
         with os.fdopen(nursery.births, "rb") as stream:
             lines = stream.read().decode().splitlines()
         missing = list(nursery.names)
@@ -191,7 +195,7 @@ class Family:
 
 
 def _next_signal(numbers: Set[signal.Signals], end_time: float) -> Optional[int]:
-    """Return the first signal to come until `end_time` (s, monotonic); None where none does."""
+    """Wait for one of the signals until `end_time` (s, monotonic clock); return its number, None at the time's end."""
     if end_time == math.inf:
         return signal.sigwaitinfo(numbers).si_signo
     found = signal.sigtimedwait(numbers, max(0.0, end_time - time.monotonic()))
@@ -199,10 +203,9 @@ def _next_signal(numbers: Set[signal.Signals], end_time: float) -> Optional[int]
 
 
 def _say(text: str) -> None:
-    """Write a line to the terminal, where it takes one: who waited for it would start nothing again.
+    """Write a line to stderr unless that would block, which would keep this process from restarting tasks.
 
-    There is no other thread to wait for it, since who forks has one alone; and what comes by others' hands, such as
-    Python's own buffer, could be waited for at the next fork.
+    It is written directly, since text in Python's buffer could block later, when the buffer is flushed before a fork.
     """
     terminal = select.poll()
     terminal.register(sys.stderr.fileno(), select.POLLOUT)
@@ -212,7 +215,7 @@ def _say(text: str) -> None:
 
 
 def _describe(status: int) -> str:
-    """Return how a process ended by what waitpid says."""
+    """Return in words how a process ended, from the status of waitpid."""
     if os.WIFSIGNALED(status):
         return f"by signal {os.WTERMSIG(status)}"
     return f"with status {os.WEXITSTATUS(status)}"

@@ -1,4 +1,4 @@
-"""Nodes as one family of processes: what they have in common is imported, and lies in memory, once."""
+"""The compose executable: runs several nodes as forked processes that share the memory of imported modules."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any, Callable, Dict, List, NamedTuple, Sequence, Tuple
 
 from mbf_relay.importing import import_or_exit
 from mbf_relay.ros.common.ending import open_standard_streams
-from mbf_relay.ros.compose.family import Family  # what else nodes need is imported in children alone
+from mbf_relay.ros.compose.family import Family  # other modules are imported only in child processes
 
 USAGE = """usage: compose [--no-respawn] -- NODE [ARGUMENT...] [-- NODE [ARGUMENT...]]... [-- [REMAPPING...]]
 
@@ -25,11 +25,11 @@ WHEN_NEEDED = (
       for name in ("accepting", "connecting", "receiving", "sending", "starting")),
     "configparser", "dynamic_reconfigure.server", "encodings.idna", "unicodedata",
 )
-"""Modules that nodes import once they run."""
+"""Modules that nodes import only while they run, to be imported before the fork too."""
 
 
 class Member(NamedTuple):
-    """A node as its executable runs it: its name, its main function and what that takes."""
+    """A node: its default name, its main function by full dotted name, and that function's keyword arguments."""
 
     name: str
     place: str
@@ -44,11 +44,11 @@ MEMBERS: Dict[str, Member] = {
     "mb_relay_server.py": Member("move_base", "mbf_relay.ros.relay.node.serve", {"action": True, "topic": False}),
     "mb_relay_subscriber.py": Member("move_base", "mbf_relay.ros.relay.node.serve", {"action": False, "topic": True}),
 }
-"""By executable."""
+"""Nodes that can be run, by the names of their executables."""
 
 
 def main() -> int:
-    """Run the family the command line names and return its exit status."""
+    """Run the nodes given on the command line; return the exit status."""
     open_standard_streams()
     if {"-h", "--help"} & set(sys.argv[1:]):
         print(USAGE)
@@ -62,10 +62,10 @@ def main() -> int:
 
 
 def read_arguments(arguments: Sequence[str]) -> Tuple[bool, List[List[str]]]:
-    """Return whether nodes are started again, and the command line of each.
+    """Return whether nodes that end are started again, and the command line of each node.
 
     Raises:
-        ValueError: They are not understood.
+        ValueError: There is an unknown option or node, a node twice, or none.
     """
     groups: List[List[str]] = [[]]
     for argument in arguments:
@@ -79,7 +79,7 @@ def read_arguments(arguments: Sequence[str]) -> Tuple[bool, List[List[str]]]:
         raise ValueError(f"{unknown[0]} is no option; {USAGE.splitlines()[0]}")
     for_all: List[str] = []
     if lines and all(":=" in argument for argument in lines[-1]):
-        # roslaunch names the family and its log
+        # those two of roslaunch are for the parent process
         for_all = [argument for argument in lines.pop() if not argument.startswith(("__name:=", "__log:="))]
     if not lines:
         raise ValueError(f"no node is named; {USAGE.splitlines()[0]}")
@@ -93,12 +93,12 @@ def read_arguments(arguments: Sequence[str]) -> Tuple[bool, List[List[str]]]:
 
 
 def preload(names: Sequence[str]) -> None:
-    """Import what nodes will import, in a process without threads, and leave it to no child to collect.
+    """Import the modules of the given nodes, before they are forked, and exempt them from garbage collection.
 
-    What its parameters name a node imports by itself: no other one uses it.
+    Plugins named in a node's parameters are imported by that node alone.
 
     Args:
-        names: Of their executables.
+        names: Names of the nodes' executables.
     """
     from mbf_relay.ros.common.node import ALGEBRA_THREADS, spare_what_stays
     from mbf_relay.ros.common.rospy_patches.lazy_modules import spare_what_nobody_uses
@@ -107,18 +107,18 @@ def preload(names: Sequence[str]) -> None:
     spare_what_nobody_uses()
     for name in (*WHEN_NEEDED, *(MEMBERS[name].place.rpartition(".")[0] for name in names)):
         import_or_exit(name)
-    spare_what_stays()  # a collection writes to all it looks at, and a page that is written to is shared no more
+    spare_what_stays()  # a collection writes to each object, after which its memory page is no longer shared
 
 
 def live(line: Sequence[str]) -> None:
-    """Be a node, by its command line; does not return."""
+    """Run the node of a command line in this process; does not return."""
     import rosgraph
     import rospy
 
     from mbf_relay.ros.common.node import run_node
 
     sys.argv = list(line)
-    remappings: Dict[str, str] = rospy.names.get_mappings()  # rospy has read the parent's
+    remappings: Dict[str, str] = rospy.names.get_mappings()  # rospy has read the parent's command line
     remappings.clear()
     remappings.update(rosgraph.names.load_mappings(sys.argv))
     member = MEMBERS[line[0]]
