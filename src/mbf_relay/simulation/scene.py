@@ -74,11 +74,11 @@ class Scene:
         """Add an obstacle, or replace or move the one of that key."""
         known = self._obstacles.get(key)
         if known is not None and known[1].shape == body.shape:
-            self._physics.place(known[0], body.frame)
-            self._obstacles[key] = (known[0], body)
-            return
-        self.remove_obstacle(key)
-        number = self._physics.add_loose(body.shape, body.frame, 0.0)
+            number = known[0]
+            self._physics.place(number, body.frame)
+        else:
+            self.remove_obstacle(key)
+            number = self._physics.add_loose(body.shape, body.frame, 0.0)
         self._obstacles[key] = (number, body)
         self._names[number] = body.name
 

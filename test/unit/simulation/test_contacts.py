@@ -49,6 +49,15 @@ def test_what_is_asked_of_one_wall_is_what_all_contacts_tell_of_it():
         assert touched > 20
 
 
+def test_an_obstacle_set_anew_is_touched_by_its_new_name():
+    """A box of the same size kept the name of the one before: the report blamed what had stood there last."""
+    with trial.simulate() as simulation:
+        for name in ("crate", "chair"):
+            simulation.scene.set_obstacle("a", trial.box(name, 0.5, 0.0, (0.2, 0.2, 0.4)))
+        seen = trial.run(simulation, 3.0, Twist2D(0.2, 0.0, 0.0))
+        assert {contact.name for o in seen for contact in o.contacts} == {"chair"}
+
+
 def test_loose_bodies_are_pushed_and_named():
     ball = Body("crate", Box((0.2, 0.2, 0.2)), Frame.of(0.5, 0.0, 0.1), mass=0.1)
     with trial.simulate([ball]) as simulation:
