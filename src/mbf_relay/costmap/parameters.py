@@ -90,15 +90,23 @@ class CostmapParameters(ParameterSet):
         stands or creeps.
         """
         parameters, notes = super().read(values)
-        footprint = padded(parameters.outline(), parameters.footprint_padding)
-        across = 2.0 * radii(footprint)[1]
-        width, height = (max(side, 2.0 * across) for side in (parameters.width, parameters.height))
-        if not parameters.rolling_window or (width, height) == (parameters.width, parameters.height):
-            return parameters, notes
-        notes.append(
-            f"parameters width and height are {parameters.width:g} m and {parameters.height:g} m; a window that moves "
-            f"with the robot, {across:.2f} m across, must be twice as wide: {width:.2f} m and {height:.2f} m are used")
-        return parameters.replace(width=width, height=height), notes
+        return parameters._widened(notes)
+
+    def reconfigured(self: T, changes: Mapping[str, Any]) -> Tuple[T, List[str]]:
+        """Return a copy with changes as ParameterSet.reconfigured does, with a rolling window widened as by `read`."""
+        parameters, notes = super().reconfigured(changes)
+        return parameters._widened(notes)
+
+    def _widened(self: T, notes: List[str]) -> Tuple[T, List[str]]:
+        """Return a copy whose rolling window is as large as `read` says, and the notes with one on that."""
+        across = 2.0 * radii(padded(self.outline(), self.footprint_padding))[1]
+        width, height = (max(side, 2.0 * across) for side in (self.width, self.height))
+        if not self.rolling_window or (width, height) == (self.width, self.height):
+            return self, notes
+        note = (
+            f"parameters width and height are {self.width:g} m and {self.height:g} m; a window that moves with the "
+            f"robot, {across:.2f} m across, must be twice as wide: {width:.2f} m and {height:.2f} m are used")
+        return self.replace(width=width, height=height), [*notes, note]
 
     def read_as(self) -> List[str]:
         """Return a note on a footprint that crosses itself."""

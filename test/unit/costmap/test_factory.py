@@ -165,5 +165,15 @@ def test_a_robot_nearly_as_long_as_its_window_sees_what_it_reaches_and_where_it_
     assert (costmap.parameters.width, costmap.parameters.height) == pytest.approx(used, abs=0.05)
     told = [note for note in costmap.notes if "must be twice as wide" in note]
     assert len(told) == (used != sides)
+    wide = build_costmap("local_costmap", {**given, "rolling_window": True, "width": 9.0, "height": 9.0}).parameters
+    changed, notes = wide.reconfigured({"width": sides[0], "height": sides[1]})
+    assert (changed.width, changed.height) == pytest.approx(used, abs=0.05) and len(notes) == (used != sides)
     fixed = build_costmap("global_costmap", given)
     assert (fixed.parameters.width, fixed.parameters.height) == pytest.approx(sides, abs=0.05)
+
+
+def test_a_robot_that_gets_a_longer_outline_while_it_drives_sees_beyond_it():
+    """With a trailer told of at run time it reached out of its window, and stood."""
+    small = build_costmap("local_costmap", {"rolling_window": True, "width": 1.0, "height": 1.0, "robot_radius": 0.2})
+    changed, (note,) = small.parameters.reconfigured({"footprint": str(CAR)})
+    assert (changed.width, changed.height) == pytest.approx((2.1, 2.1), abs=0.05) and "twice as wide" in note
