@@ -117,7 +117,8 @@ class StuckChecker:
         """
         now, here = state.now, state.pose_now or state.pose  # not the predicted pose, which moves with each command
         moves = last_command.speed() > 1e-3 or abs(last_command.theta) > 1e-3
-        if self._reference is None or self._last_time is None or not moves or not 0.0 <= now - self._last_time < 1.0:
+        pause = max(1.0, 2.0 * state.period)  # s
+        if self._reference is None or self._last_time is None or not moves or not 0.0 <= now - self._last_time < pause:
             self._restart(state)
             return
         elapsed = now - self._last_time

@@ -18,7 +18,7 @@ STANDS = Twist2D(0.0, 0.0, 0.0)
 
 
 WIDE = SimpleNamespace(width=0.4)
-IN_TIME = {"pose_now": None, "delay": 0.0}
+IN_TIME = {"pose_now": None, "delay": 0.0, "period": 0.1}
 
 
 def at(x, y=0.0, theta=0.0, velocity=STANDS, now=None):
@@ -276,7 +276,7 @@ def test_a_robot_of_late_wheels_is_stuck_by_where_it_is_and_not_before_they_can_
     for cycle in range(50):
         expected_at = Pose2D(0.2 + 0.02 * cycle, 0.0, 0.0)
         here = IDENTITY if stands else expected_at
-        state = SimpleNamespace(now=0.1 * cycle, pose=expected_at, pose_now=here, delay=1.0, costmap=WIDE)
+        state = SimpleNamespace(now=0.1 * cycle, pose=expected_at, pose_now=here, delay=1.0, period=0.1, costmap=WIDE)
         try:
             checker.check(state, AHEAD, 2.0)
         except ControlError:

@@ -19,8 +19,8 @@ def told_of(command):
     return raised.value.message
 
 
-def seen(now, pose=IDENTITY, expected=IDENTITY, delay=0.0):
-    return ControlState(now, expected, STOP, SimpleNamespace(width=0.4), delay=delay, pose_now=pose)
+def seen(now, pose=IDENTITY, expected=IDENTITY, delay=0.0, period=0.1):
+    return ControlState(now, expected, STOP, SimpleNamespace(width=0.4), period=period, delay=delay, pose_now=pose)
 
 
 def test_a_robot_that_stands_is_noticed_also_where_it_is_taken_for_one_whose_commands_come_late():
@@ -40,6 +40,15 @@ def test_a_robot_whose_commands_come_late_is_given_the_time_until_they_move_it()
         checker.check(seen(0.1 * cycle, there, delay=1.5), Twist2D(0.1, 0.0, 0.0), timeout=2.0)
 
 
+@pytest.mark.parametrize("period", [1.0, 2.0])
+def test_a_robot_that_stands_is_noticed_also_where_it_is_told_its_velocity_once_in_a_second_or_two(period):
+    """Its owner waited for ever: each cycle was taken for the first one after a pause."""
+    checker = StuckChecker()
+    with pytest.raises(ControlError, match="has not moved for"):
+        for cycle in range(20):
+            checker.check(seen(period * cycle, period=period), Twist2D(0.2, 0.0, 0.0), timeout=5.0)
+
+
 @pytest.mark.parametrize("width, speed, turn", [(1.1, 0.12, 0.0), (0.4, 0.043, 0.0), (1.1, 0.0, 0.055)])
 def test_a_car_that_shunts_to_and_fro_as_told_is_not_taken_for_one_whose_wheels_stand(width, speed, turn):
     """A goal was aborted as of a robot that is stuck: a car 1.1 m wide had gone 10 cm ahead and 10 cm back."""
@@ -47,7 +56,7 @@ def test_a_car_that_shunts_to_and_fro_as_told_is_not_taken_for_one_whose_wheels_
     for cycle in range(200):
         way = 1.0 if cycle % 18 < 9 else -1.0
         there = SimpleNamespace(
-            now=0.1 * cycle, pose=IDENTITY, costmap=SimpleNamespace(width=width), delay=0.0,
+            now=0.1 * cycle, pose=IDENTITY, costmap=SimpleNamespace(width=width), delay=0.0, period=0.1,
             pose_now=Pose2D(speed * at, 0.0, turn * at))
         checker.check(there, Twist2D(way * speed, 0.0, way * turn), timeout=2.0)
         at += way * 0.1
