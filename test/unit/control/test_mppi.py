@@ -215,6 +215,17 @@ def test_a_critic_of_ones_own_is_heard():
     assert max(command.theta for command in ways[0]) > 0.2 > max(command.theta for command in ways[1])
 
 
+def test_a_car_that_faces_away_from_its_path_on_a_coarse_map_is_not_drawn_to_its_end():
+    """No imagined drive got ahead: points were counted from the path's end, and it was to face one there."""
+    controller, seen = make(motion_model="Ackermann", min_turning_r=1.0, min_vel_x=0.0, acc_lim_x=0.2), []
+    controller.critics[0].score = lambda rollouts: seen.append(rollouts.furthest) or 0.0
+    controller.set_path(path_through((0.0, 0.0), (9.0, 0.0)), True)
+    pose = Pose2D(0.99, 0.0, math.pi)
+    here = costmap_round(pose, size=6.0, resolution=0.5)
+    controller.compute_velocity(ControlState(0.0, pose, Twist2D(0.2, 0.0, 0.0), here))
+    assert seen == [0]
+
+
 def test_every_critic_gives_each_drive_a_finite_cost():
     controller = make(critics=sorted(CRITICS), motion_model="Ackermann")
     controller.set_path(path_through((0, 0), (0.4, 0.1)), True)

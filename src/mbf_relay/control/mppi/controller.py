@@ -262,7 +262,7 @@ class MppiController(PathFollower):
         ahead, aside = self._velocities[:, :, 0], self._velocities[:, :, 1]
         speeds = np.hypot(ahead, aside) if aside.any() else np.abs(ahead)  # equal and ten times as fast
         halfway, ends = (self._along(path, speeds[:, :steps], length) for steps in (p.time_steps // 2, p.time_steps))
-        furthest = min(len(points) - 1, int(ends[:, 1].max() / POINT_SPACING + 0.5))
+        furthest = max(0, min(len(points) - 1, int(ends[:, 1].max() / POINT_SPACING + 0.5)))
         return Rollouts(
             p, cycle.state.pose, path.goal, max(path.remaining, cycle.state.pose.distance_to(path.goal)),
             self._velocities, self._poses, way, cycle.checker, points, is_free, halfway, ends, furthest,
