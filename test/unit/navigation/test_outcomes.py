@@ -191,6 +191,13 @@ def test_an_outcome_comes_from_its_cause(make_bench, outcome):
     assert len(result.message) > 3 and not result.message.endswith("\n")
 
 
+@pytest.mark.parametrize("timeout", [4.9, 5.0, 5.1])
+def test_a_robot_that_ignores_its_commands_and_so_makes_no_progress_ends_its_goal_once(make_bench, timeout):
+    bench = make_bench(oscillation_timeout=timeout, oscillation_distance=0.3, cmd_vel_ignored_tolerance=5.0)
+    bench.robot.held = True
+    assert bench.finish(drive(bench)).outcome in (ControlOutcome.ROBOT_STUCK, ControlOutcome.OSCILLATION)
+
+
 def test_a_hanging_planner_is_the_cause_of_an_exceeded_patience(held_bench):
     held_bench.worker.delays = [None]
     assert held_bench.finish(plan(held_bench)).outcome is PlanOutcome.PAT_EXCEEDED
