@@ -158,12 +158,14 @@ class EBandStandIn(TranslatedController):
 
 @dataclass(frozen=True)
 class DwbParameters(_StandInParameters):
-    """Parameters of dwb_local_planner's DWBLocalPlanner that are used, with its defaults."""
+    """Parameters of dwb_local_planner's DWBLocalPlanner and neo_local_planner/NeoLocalPlanner that are used."""
 
     max_vel_x: float = parameter(0.55, "highest forward velocity", "m/s", minimum=0.0, maximum=100.0)
     min_vel_x: float = parameter(0.0, "lowest forward velocity; below 0 allows driving backwards", "m/s")
-    max_vel_y: float = parameter(0.1, "highest velocity to the left", "m/s")
-    min_vel_y: float = parameter(-0.1, "lowest velocity to the left; below 0 allows driving to the right", "m/s")
+    max_vel_y: float = parameter(
+        0.0, "highest velocity to the left; DWB's default, 0.1, is none for robots that cannot drive sideways", "m/s")
+    min_vel_y: float = parameter(
+        0.0, "lowest velocity to the left; below 0 allows driving to the right, as DWB's default, -0.1, does", "m/s")
     max_speed_xy: float = parameter(
         0.55, "highest translational speed", "m/s", minimum=0.0, maximum=100.0,
         aliases=("max_trans_vel", "max_vel_trans"))
@@ -180,14 +182,6 @@ class DwbParameters(_StandInParameters):
         0.25, "distance to the goal at which its position counts as reached", "m", above=0.0)
     yaw_goal_tolerance: float = parameter(
         0.25, "angle to the goal's heading at which it counts as reached", "rad", above=0.0)
-
-
-@dataclass(frozen=True)
-class NeoParameters(DwbParameters):
-    """Parameters of neo_local_planner/NeoLocalPlanner that are used."""
-
-    max_vel_y: float = parameter(0.0, "highest velocity to the left", "m/s")
-    min_vel_y: float = parameter(0.0, "lowest velocity to the left; below 0 allows driving to the right", "m/s")
 
 
 class DwbStandIn(TranslatedController):
@@ -212,8 +206,6 @@ class DwbStandIn(TranslatedController):
 
 class NeoStandIn(DwbStandIn):
     """Replaces neo_local_planner by DWA."""
-
-    Parameters = NeoParameters
 
 
 STEERED = ("simple_car", "kinematic_bicycle_vel_input")

@@ -84,10 +84,11 @@ def test_a_robot_that_drives_sideways_does():
     assert ended.reached and np.abs(np.array(ended.commands)[:, 1]).max() > 0.05
 
 
-def test_a_robot_of_dwb_without_acceleration_sideways_does_not_drive_sideways():
-    """Its file was refused: DWB's default of 0.1 m/s sideways could never be reached."""
+@pytest.mark.parametrize("sideways", [dict(acc_lim_y=0.0), {}])
+def test_a_robot_of_dwb_that_is_not_said_to_drive_sideways_does_not(sideways):
+    """DWB's default of 0.1 m/s sideways could never be reached: its file was refused, or its wheels stood."""
     controller = create(
-        "planner", "dwb_local_planner/DWBLocalPlanner", dict(acc_lim_y=0.0, max_vel_x=0.3), Controller, CONTROLLERS)
+        "planner", "dwb_local_planner/DWBLocalPlanner", dict(max_vel_x=0.3, **sideways), Controller, CONTROLLERS)
     ended = drive(controller, path_through((0, 0), (1.5, 0)), Pose2D(0.0, 0.25, 0.0), seconds=30.0)
     assert ended.reached, ended.error
     assert not np.array(ended.commands)[:, 1].any()
