@@ -62,6 +62,16 @@ def test_corners_are_not_cut():
     assert line_kernels.line_cost(costs, TABLE, 0.5, 1.5, 1.5, 2.5) == pytest.approx(50.0 * math.sqrt(2.0))
 
 
+@pytest.mark.parametrize("end", [(8.0 - 1e-10, 5.0 + 1e-10), (8.0 - 1e-10, 5.0 - 1e-10), (5.0 + 1e-10, 6.0 - 1e-10)])
+@pytest.mark.parametrize("side", [-0.9, 0.9])
+def test_a_line_to_a_corner_on_the_maps_border_looks_at_no_cell_beyond_it(end, side):
+    memory = np.full(8 * 7, 254, dtype=np.uint8)
+    costs = memory[:8 * 6].reshape(6, 8)
+    costs[:] = 0
+    x, y = (end[0] - 0.5, end[1] + side) if end[0] > 6.0 else (end[0] + side, end[1] - 0.5)
+    assert line_kernels.line_cost(costs, TABLE, x, y, *end) == pytest.approx(TABLE[0] * math.hypot(0.5, 0.9))
+
+
 @pytest.mark.parametrize("seed", range(10))
 def test_a_path_pulled_taut_never_costs_more(seed):
     rng = np.random.default_rng(seed)

@@ -33,11 +33,12 @@ def line_cost(costs, weights, x0, y0, x1, y1):
         return np.inf
     step_x = 1 if dx > 0 else -1
     step_y = 1 if dy > 0 else -1
-    # where along the line, from 0 to 1, it leaves the cell through a side
+    # where along the line, from 0 to 1, it leaves the cell through a side; inf in the column and the row of its end,
+    # which it does not leave: beyond them the map may end
     across_x = abs(1.0 / dx) if dx != 0.0 else np.inf
     across_y = abs(1.0 / dy) if dy != 0.0 else np.inf
-    next_x = ((column + 1 - x0) if dx > 0 else (x0 - column)) * across_x if dx != 0.0 else np.inf
-    next_y = ((row + 1 - y0) if dy > 0 else (y0 - row)) * across_y if dy != 0.0 else np.inf
+    next_x = ((column + 1 - x0) if dx > 0 else (x0 - column)) * across_x if column != end_column else np.inf
+    next_y = ((row + 1 - y0) if dy > 0 else (y0 - row)) * across_y if row != end_row else np.inf
     at = 0.0
     total = 0.0
     # a start on a cell's border may be counted to the cell behind
@@ -54,14 +55,14 @@ def line_cost(costs, weights, x0, y0, x1, y1):
                 return np.inf
             column += step_x
             row += step_y
-            next_x += across_x
-            next_y += across_y
+            next_x = next_x + across_x if column != end_column else np.inf
+            next_y = next_y + across_y if row != end_row else np.inf
         elif next_x < next_y:
             column += step_x
-            next_x += across_x
+            next_x = next_x + across_x if column != end_column else np.inf
         else:
             row += step_y
-            next_y += across_y
+            next_y = next_y + across_y if row != end_row else np.inf
         if weights[costs[row, column]] == np.inf:
             return np.inf
     return total + (1.0 - at) * length * weights[costs[row, column]]
