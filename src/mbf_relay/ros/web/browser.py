@@ -1,4 +1,4 @@
-"""One browser's connection: what it may, what it asks, what it gets."""
+"""The connection of one browser: its rights, its requests and the data sent to it."""
 
 from __future__ import annotations
 
@@ -20,19 +20,19 @@ from mbf_relay.view.rights import Rights, Tokens, is_own_page
 from mbf_relay.view.wishes import Refused, Wish, wish_from
 
 HELLO_PATIENCE = 10.0
-"""Wall seconds in which a connection must say who it is."""
+"""Wall time (s) within which a connection must send its token."""
 WISHES = 80.0
-"""Messages per second of one browser: twice what a page with a stick held and everything shown sends."""
+"""Allowed rate (Hz) of a browser's messages: twice that of a page that drives by hand and shows all layers."""
 POLICY, TOO_MANY = 1008, 1013
-"""WebSocket's codes (RFC 6455 and its registry) for who broke a rule, and for who may come again later."""
+"""Close codes of WebSocket (RFC 6455 and its registry): policy violation, and try again later."""
 _numbers = itertools.count(1)
 
 
 class Browser(tornado.websocket.WebSocketHandler):
-    """A WebSocket: wishes come in as JSON, batches go out as bytes and words as JSON."""
+    """A WebSocket: receives requests as JSON, sends layers as bytes and all else as JSON."""
 
     def initialize(self, hub: Hub, tokens: Tokens, names: Any) -> None:
-        """Take what all connections share."""
+        """Take the objects that all connections share."""
         self._hub, self._tokens, self._names = hub, tokens, names
         self.number = next(_numbers)
         self.feed = Feed()
@@ -45,11 +45,11 @@ class Browser(tornado.websocket.WebSocketHandler):
         }
 
     def check_origin(self, origin: str) -> bool:
-        """Return whether a page of this server asks; another site's can neither read nor drive."""
+        """Return whether the request is from a page of this server; those of other sites are refused."""
         return is_own_page(origin, self.request.host, self._names)
 
     def open(self, *_: str, **__: str) -> None:
-        """Take a connection, or turn it away with a reason."""
+        """Accept a connection, or close it with a reason."""
         self.set_nodelay(True)
         if not is_own_page(self.request.headers.get("Origin"), self.request.host, self._names):
             self._turn_away("this is not the address of this server", POLICY)
@@ -63,7 +63,7 @@ class Browser(tornado.websocket.WebSocketHandler):
                 HELLO_PATIENCE, self._turn_away, "no token came", POLICY)
 
     def on_message(self, message: Any) -> None:
-        """Carry out a wish, or say why not."""
+        """Carry out a request, or answer why it is refused."""
         if self not in self._hub.browsers:
             return  # turned away
         if not self._limit.allows(time.monotonic()):
@@ -85,7 +85,7 @@ class Browser(tornado.websocket.WebSocketHandler):
             self.say("refused", wish=name, why=str(error))
 
     def on_close(self) -> None:
-        """Leave: whoever drove has stopped."""
+        """Detach from the robot, which stops if this browser drove it by hand."""
         if self._hello_timer is not None:
             tornado.ioloop.IOLoop.current().remove_timeout(self._hello_timer)
             self._hello_timer = None
@@ -94,16 +94,16 @@ class Browser(tornado.websocket.WebSocketHandler):
             self._hub.browsers.remove(self)
 
     def say(self, what: str, **more: Any) -> None:
-        """Send words."""
+        """Send a JSON message of kind `what` with further entries."""
         self._write(json.dumps({"say": what, **more}), binary=False)
 
     def welcome(self, is_guess: bool) -> None:
-        """Tell which robot is shown, and whether that was guessed since none is found yet."""
+        """Tell which robot is shown, and whether it was guessed because no robot is found yet."""
         assert self.robot is not None
         self.say("welcome", number=self.number, drive=self.rights.drive, robot=self.robot.namespace, guess=is_guess)
 
     def send_due(self, layers: Mapping[str, ViewLayer], now: float) -> None:
-        """Send what is due at `now` (s), if the browser is ready for it."""
+        """Send the layers that are due at `now` (s), unless the browser has not yet acknowledged earlier ones."""
         content = self.feed.next_batch(layers, now)
         if content is not None:
             self._write(content, binary=True)

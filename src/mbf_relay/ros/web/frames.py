@@ -1,4 +1,4 @@
-"""Frames as the view needs them: the newest relations, and those at a message's time."""
+"""Transforms for the page: the newest ones, and those at a message's stamp."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ from mbf_relay.ros.common.frame_tree import FrameTree
 from mbf_relay.ros.common.tf_core import TransformCore
 
 KEPT = 10.0
-"""Seconds of /tf to look back on."""
+"""Cache time (s) of transforms of /tf."""
 LATEST_STAMP = 2 ** 31
-"""Seconds from which on tf2's core would end the process."""
+"""Stamps (s) from which on tf2's C++ core aborts the process."""
 
 
 class Frames:
-    """Listens to /tf while it is open. Lookups are made from any thread."""
+    """Subscribes to /tf and /tf_static until closed. Lookups can be made from any thread."""
 
     def __init__(self, changed: Callable[[], None]) -> None:
-        """Listen; `changed` is called, in rospy's threads, whenever something came."""
+        """Subscribe; `changed` is called after each message, in rospy's threads."""
         self._changed = changed
         self._lock = threading.Lock()
         self._newest: Dict[str, rospy.Time] = {}  # stamp on /tf by child frame: each node has its own clock
@@ -40,7 +40,7 @@ class Frames:
         ]
 
     def close(self) -> None:
-        """Stop listening."""
+        """Unsubscribe."""
         for subscriber in self._subscribers:
             subscriber.unregister()
 
@@ -51,8 +51,8 @@ class Frames:
 
         Args:
             target, source: Frame names, with or without a leading slash.
-            stamp: Time to look at; the newest where None.
-            or_newest: Whether the newest will do where there is none at that time.
+            stamp: Time of the transform; None for the newest.
+            or_newest: Whether to use the newest where there is none at that time.
         """
         try:
             check_frames(target, source)
@@ -70,12 +70,12 @@ class Frames:
         return None
 
     def names(self) -> List[str]:
-        """Return the frames that are known."""
+        """Return the names of all frames in the buffer."""
         lines = self._known.core.all_frames_as_string().splitlines()
         return [line.split()[1] for line in lines if len(line.split()) > 1]
 
     def _is_there(self, sender: str, is_static: bool) -> bool:
-        """Return whether a node still sends on /tf_static, or on /tf."""
+        """Return whether a node is connected as a publisher of /tf_static, or of /tf."""
         return sender in connected_nodes(self._subscribers[int(is_static)]) if self._subscribers else True
 
     def _take(self, message: TFMessage, is_static: bool) -> None:
@@ -92,7 +92,7 @@ class Frames:
                         transform.header.frame_id, transform.child_frame_id, sender, now, is_static)
                     if bygone:
                         self._known.forget(bygone)
-                    if is_static:  # within the lock: who forgets meanwhile would lose it, and it comes once
+                    if is_static:  # under the lock: it is published once, and forget() meanwhile would lose it
                         self._known.set_transform_static(transform, sender)
                     else:
                         child = transform.child_frame_id.lstrip("/")

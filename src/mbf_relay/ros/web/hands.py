@@ -1,4 +1,4 @@
-"""What a browser's wishes bring about in ROS: goals, cancels, poses, velocities, services."""
+"""Execution of a browser's requests in ROS: goals, cancels, poses, velocities, services."""
 
 from __future__ import annotations
 
@@ -22,26 +22,26 @@ from mbf_relay.view.dead_man import DeadMan
 from mbf_relay.view.wishes import Refused
 
 COMMAND_PERIOD = 0.05
-"""Wall seconds between two velocities while a stick is held."""
+"""Wall time (s) between two velocities while the joystick is held."""
 SERVICE_PATIENCE = 2.0
-"""Wall seconds to wait for a service to be there."""
+"""Wall time (s) to wait for a service to be advertised."""
 ACTIONS = ("move_base", *(
     f"{node}/{action}" for node in ("move_base_flex", "move_base") for action in ("move_base", "exe_path", "recovery")))
-"""Whatever may drive the robot: the relay's or move_base's goals, and those given to a Move Base Flex server itself."""
+"""Actions that may drive the robot: move_base's, and those of a Move Base Flex server."""
 
 
 class Hands:
     """Publishers and services of one robot.
 
-    Goals and poses bear no time, which means the newest: what a person pointed at holds now, whatever the clocks say.
-    `open` and `close` talk to the master and may block; the rest is called from the thread that serves browsers. A
-    thread of its own sends velocities, so that the dead man's switch works however busy the other is; `_lock` stands
-    between them.
+    Goals and poses have stamp 0, for the newest transform: they hold now, also where two computers' clocks differ.
+    `open` and `close` call the ROS master and may block; all else is called from the event loop's thread. Velocities
+    are sent by another thread, so that the dead man's switch works however busy the event loop is; `_lock` guards the
+    dead man's switch between the two.
 
     Args:
-        namespace: The robot's, with a slash at both ends.
+        namespace: The robot's namespace, with a slash at both ends.
         map_frame: Frame of goals and poses.
-        told: Called from any thread with the words on how a service ended.
+        told: Called from any thread with a text on the result of a service call.
     """
 
     def __init__(self, namespace: str, map_frame: str, told: Callable[[str], None]) -> None:
@@ -49,13 +49,13 @@ class Hands:
         self._publishers: Dict[str, rospy.Publisher] = {}
         self._services = ThreadPoolExecutor(2, thread_name_prefix="web service")
         self._busy: Dict[str, Any] = {}
-        self._set_down: Set[int] = set()  # obstacles, by their markers' numbers
+        self._set_down: Set[int] = set()  # marker ids of obstacles
         self._lock = threading.Lock()
         self._dead_man = DeadMan()
         self._driving: Optional[threading.Thread] = None
 
     def open(self) -> None:
-        """Advertise."""
+        """Advertise all topics."""
         for name, kind in (
             ("move_base/goal", MoveBaseActionGoal),
             ("move_base_simple/goal", PoseStamped),
@@ -67,7 +67,7 @@ class Hands:
             self._publishers[name] = rospy.Publisher(f"{self._namespace}{name}", kind, queue_size=10, tcp_nodelay=True)
 
     def close(self) -> None:
-        """Stop the robot if a hand is on the stick, withdraw what was advertised, and end for good."""
+        """Stop the robot if it is driven by hand and unadvertise all topics; it cannot be opened again."""
         self.let_go(self.holder)
         publishers, self._publishers = self._publishers, {}
         for publisher in publishers.values():
@@ -75,14 +75,14 @@ class Hands:
         self._services.shutdown(wait=False)
 
     def goal(self, pose: Pose2D, has_action: bool) -> str:
-        """Send the robot somewhere and return the goal's id, empty where move_base takes goals from the topic alone.
+        """Send a goal; return its id, or an empty text where move_base takes goals only from move_base_simple/goal.
 
         Args:
-            pose: Where to, in the map.
-            has_action: Whether move_base is known to take goals of the action; who listens there may be a recorder.
+            pose: Goal in the map frame.
+            has_action: Whether move_base is known to have the action: a subscriber of its goal may be just a recorder.
 
         Raises:
-            Refused: Nobody takes goals.
+            Refused: No node subscribes to goals.
         """
         message = pose_stamped(pose, self._map_frame, rospy.Time())
         action, topic = self._publishers.get("move_base/goal"), self._publishers.get("move_base_simple/goal")
@@ -97,7 +97,7 @@ class Hands:
         raise Refused(f"nobody takes goals: no node listens to {self._namespace}move_base/goal")
 
     def cancel(self) -> None:
-        """End whatever goal the robot has, whoever gave it; raise Refused where nobody takes any."""
+        """Cancel all goals of all clients; raise Refused where no node subscribes to cancels."""
         found = [self._publishers.get(f"{action}/cancel") for action in ACTIONS]
         heard = [publisher for publisher in found if publisher is not None and publisher.get_num_connections()]
         if not heard:
@@ -106,12 +106,12 @@ class Hands:
             publisher.publish(GoalID())
 
     def estimate(self, pose: Pose2D, spread: float, turn_spread: float) -> None:
-        """Tell localization where the robot is.
+        """Publish the robot's pose on initialpose.
 
         Args:
-            pose: In the map.
+            pose: Pose in the map frame.
             spread: Standard deviation of x and of y (m).
-            turn_spread: Of the heading (rad).
+            turn_spread: Standard deviation of the heading (rad).
         """
         message = PoseWithCovarianceStamped(header=header(self._map_frame, rospy.Time()))
         message.pose.pose = pose_to_message(pose)
@@ -122,8 +122,8 @@ class Hands:
         self._publish("initialpose", message)
 
     def set_obstacle(self, x: float, y: float, size: float) -> None:
-        """Set a box down in the simulated world, its middle at (x, y) in the map, `size` wide (m)."""
-        number = uuid.uuid4().int % 2 ** 31  # another's, or of before nobody looked, stays where it is
+        """Add a box to the simulated world, its centre at (x, y) (m) in the map frame, `size` (m) wide."""
+        number = uuid.uuid4().int % 2 ** 31  # random, so that it replaces none of another browser or an earlier run
         self._set_down.add(number)
         box = Marker(header=header(self._map_frame, rospy.Time()), ns=SET_DOWN, id=number, type=Marker.CUBE)
         box.pose = pose_to_message(Pose2D(x, y, 0.0))
@@ -133,29 +133,29 @@ class Hands:
         self._publish("simulator/set_obstacles", MarkerArray([box]))
 
     def remove_obstacles(self, standing: Iterable[int]) -> None:
-        """Take away what was set down from browsers: just now, or of which the simulator says that it stands."""
+        """Remove all boxes that browsers added: those of this object, and the marker ids the simulator reports."""
         numbers, self._set_down = self._set_down.union(standing), set()
         markers = [Marker(ns=SET_DOWN, id=number, action=Marker.DELETE) for number in sorted(numbers)]
         self._publish("simulator/set_obstacles", MarkerArray(markers))
 
     def clear_costmaps(self) -> None:
-        """Have the costmaps forget what sensors saw."""
+        """Call move_base/clear_costmaps."""
         self._call("move_base/clear_costmaps", "the costmaps are cleared")
 
     def reset_world(self) -> None:
-        """Begin the simulated world anew."""
+        """Call simulator/reset."""
         self._call("simulator/reset", "the simulated world begins anew")
 
     # --- velocities ---
 
     @property
     def holder(self) -> Optional[Hashable]:
-        """Whose hand is on the stick."""
+        """The browser that drives by hand, None for none."""
         with self._lock:
             return self._dead_man.holder
 
     def push(self, who: Hashable, velocity: Twist2D) -> None:
-        """Drive, for as long as this is repeated; raise Refused where another hand is on the stick."""
+        """Drive as long as this call is repeated; raise Refused if another browser drives or no node takes cmd_vel."""
         if "cmd_vel" not in self._publishers or not self._publishers["cmd_vel"].get_num_connections():
             raise Refused(f"nobody listens to {self._namespace}cmd_vel")
         with self._lock:
@@ -166,14 +166,14 @@ class Hands:
                 self._driving.start()
 
     def let_go(self, who: Optional[Hashable]) -> None:
-        """Stop, if this hand is on the stick."""
+        """Stop the robot if this browser drives it by hand."""
         with self._lock:
             stop = self._dead_man.release(who) if who is not None else None
-            if stop is not None:  # within the lock, so that no velocity follows it
+            if stop is not None:  # under the lock, so that no velocity follows it
                 self._send(stop)
 
     def _drive(self) -> None:
-        """Send the stick's velocity until nobody holds it any more; the zero goes last."""
+        """Send the velocity until no browser drives any more; a zero velocity is sent last."""
         while True:
             with self._lock:
                 velocity = self._dead_man.command(time.monotonic())
@@ -188,7 +188,7 @@ class Hands:
         if publisher is not None:
             publisher.publish(twist_to_message(velocity))
 
-    # --- what they share ---
+    # --- helpers ---
 
     def _publish(self, name: str, message: Any) -> None:
         publisher = self._publishers.get(name)
@@ -197,7 +197,7 @@ class Hands:
         publisher.publish(message)
 
     def _call(self, name: str, words: str) -> None:
-        """Call a service without arguments, elsewhere, and tell how it ended."""
+        """Call a std_srvs/Empty service in another thread; tell `words`, or the error."""
         if name in self._busy and not self._busy[name].done():
             raise Refused(f"{self._namespace}{name} is still being called")
 

@@ -1,4 +1,4 @@
-"""Where browsers and robots meet: who looks at what, what is due to whom, and which topics that takes."""
+"""Connects browsers and robots: which browser shows which robot, what is sent when, and the topics that needs."""
 
 from __future__ import annotations
 
@@ -20,21 +20,21 @@ from mbf_relay.view.parameters import WebViewParameters
 from mbf_relay.view.wishes import DRIVING, Refused, Wish
 
 PUMP_PERIOD = 0.066
-"""Wall seconds between two rounds at least: as often as a person sees, and no oftener than a phone likes."""
+"""Least wall time (s) between two update rounds: 15 Hz look smooth and do not overload a phone."""
 IDLE_PERIOD = 0.25
-"""Wall seconds between two rounds at most, while anybody looks."""
+"""Longest wall time (s) between two update rounds, while there are robots."""
 LOOK_PERIOD = 2.0
-"""Wall seconds between two looks at what the master knows, while anybody looks."""
+"""Wall time (s) between two requests of the published topics from the master, while there are robots."""
 MASTER_PATIENCE = 6.0
 KEPT_UNSEEN = 5.0
-"""Wall seconds that a robot nobody looks at is kept: a page that is loaded anew finds it. A publisher that goes and
-comes back in one moment may lose rospy's subscribers for good, and with them the wheels that a stick is to move."""
+"""Wall time (s) for which a robot that no browser shows is kept, for pages that are reloaded. A publisher that is
+unregistered and advertised again at once may lose rospy's subscribers for good, among them that of cmd_vel."""
 
 
 class Hub:
-    """Belongs to one event loop's thread; only `changed` and what `_graph` runs is called from others.
+    """Used only in the event loop's thread, apart from `changed` and the work given to `_graph`.
 
-    `_graph` is one thread for everything that talks to the master, which may hang.
+    `_graph` is a single thread for all calls of the ROS master, which may hang.
     """
 
     def __init__(self, settings: WebViewParameters, loop: asyncio.AbstractEventLoop) -> None:
@@ -47,7 +47,7 @@ class Hub:
         self.robots: Dict[str, ViewedRobot] = {}
         self.browsers: List[Onlooker] = []
         self._known_robots: List[str] = []
-        self._guesses: Dict[Onlooker, bool] = {}  # of who looks at a robot: whether nobody has seen or asked for it
+        self._guesses: Dict[Onlooker, bool] = {}  # whether a browser's robot was neither found nor asked for
         self._published: Dict[str, str] = {}
         self._master_seen = time.monotonic()
         self._looking = False
@@ -60,10 +60,11 @@ class Hub:
     # --- browsers come and go ---
 
     def join(self, browser: Onlooker, name: str) -> None:
-        """Let a browser look at the robot it asks for, instead of the one it looked at, and tell it which that is.
+        """Show a browser the robot it asks for, instead of the one it showed before, and tell it which one that is.
 
-        Who names none gets this node's own namespace or the first robot; where none is found yet that is a guess, and
-        it gets another as soon as there is one. Who comes with a name keeps it, also while that robot is away.
+        Without a name that is the robot in this node's namespace, or else the first one. Where no robot is found yet,
+        that is a guess, and the browser gets the first robot that is found. A new browser's name is kept, also while
+        there is no such robot.
         """
         known, own = self._known_robots, rospy.get_namespace()
         namespace = f"/{name.strip('/')}/".replace("//", "/")
@@ -88,7 +89,7 @@ class Hub:
         self._pump_soon(0.0)
 
     def leave_robot(self, browser: Onlooker) -> None:
-        """Take a browser away from its robot: its hand off the stick, its layers off the list."""
+        """Detach a browser from its robot; stop the robot if the browser drove it by hand."""
         robot = browser.robot
         browser.robot = None
         self._guesses.pop(browser, None)
@@ -98,12 +99,12 @@ class Hub:
             self.reconcile()
 
     def reconcile(self) -> None:
-        """Look soon at what must be listened to; call it when what is shown has changed."""
+        """Update the subscriptions soon; called when the layers shown have changed."""
         self._next_look = 0.0
         self._pump_soon(PUMP_PERIOD)
 
     def carry_out(self, browser: Onlooker, wish: Wish) -> None:
-        """Do what a browser asks that needs its robot; raise Refused where that cannot be."""
+        """Carry out a browser's request to its robot; raise Refused where it may not or cannot."""
         if wish.name in DRIVING and not browser.rights.drive:
             raise Refused("this browser may look but not drive; that takes the drive token")
         assert browser.robot is not None  # it said hello
@@ -111,7 +112,7 @@ class Hub:
         self._pump_soon(0.0)
 
     def close(self) -> None:
-        """Stop what moves, end what is recorded."""
+        """Stop robots that are driven by hand, and end the recording."""
         for robot in self.robots.values():
             robot.hands.close()
         self._recording.close()
@@ -119,7 +120,7 @@ class Hub:
     # --- news ---
 
     def changed(self) -> None:
-        """Take note, from any thread, that something came."""
+        """Request an update round; called from any thread after each message."""
         with self._wake_lock:
             if self._woken:
                 return
@@ -140,7 +141,7 @@ class Hub:
         return tell
 
     def _pump_soon(self, delay: float) -> None:
-        """Make a round after a delay (s), or sooner where one is planned, and not too soon after the last."""
+        """Schedule an update round after a delay (s), unless one is due earlier; keep PUMP_PERIOD to the last."""
         due = max(self._loop.time() + delay, self._last_pump + PUMP_PERIOD)
         if self._pump_handle is not None:
             if self._pump_handle.when() <= due:
@@ -149,7 +150,7 @@ class Hub:
         self._pump_handle = self._loop.call_at(due, self._pump)
 
     def _pump(self) -> None:
-        """Bring every robot up to date and give every browser what is due; plan the next round, if anybody looks."""
+        """Update all robots, send all browsers what is due, and schedule the next round while there are robots."""
         self._pump_handle, self._last_pump = None, self._loop.time()
         with self._wake_lock:
             self._woken = False
@@ -185,14 +186,14 @@ class Hub:
     # --- the graph ---
 
     def _look(self, shown: Dict[ViewedRobot, FrozenSet[str]]) -> None:
-        """Ask the master what there is and listen to what is wanted; in the graph's thread."""
+        """Get the published topics from the master and update subscriptions; runs in the graph thread."""
         found: Optional[Dict[str, str]] = None
         try:
             found = {str(topic): str(kind) for topic, kind in self._master.getPublishedTopics("")}
             for robot, layers in shown.items():
                 robot.listening.reconcile(layers, found)
         except (OSError, rosgraph.MasterException):
-            pass  # the page tells that the master is not there
+            pass  # the page shows that the master does not answer
         finally:
             self._loop.call_soon_threadsafe(self._looked, found)
 
@@ -214,7 +215,7 @@ class Hub:
 
 
 def logged(work: Callable[[], Any]) -> Callable[[], None]:
-    """Return work that logs what goes wrong, which a pool of threads keeps to itself."""
+    """Return `work` with its errors logged, which a thread pool would swallow."""
     def do() -> None:
         try:
             work()

@@ -1,4 +1,4 @@
-"""Where messages wait, unread, for the thread that shows them."""
+"""A queue of serialized messages for the thread that serves browsers."""
 
 from __future__ import annotations
 
@@ -9,16 +9,16 @@ from typing import Any, Deque, Dict, List, Mapping, Tuple
 import rospy
 
 WAITING = 1000
-"""Messages of one topic at most; who is so far behind gets the newest of them."""
+"""Longest queue of one key (messages); beyond it the oldest are dropped."""
 
 
 class Inbox:
-    """Takes messages from rospy's threads as bytes: only what is looked at is ever taken apart.
+    """Queues messages from rospy's threads, still serialized; only messages that are shown are deserialized.
 
-    `_lock` stands between rospy's threads and the one that empties it; nothing else is done under it.
+    `_lock` guards the queues between rospy's threads and the thread that takes from them.
 
     Args:
-        periods: Seconds between two messages handed out of a topic, by its key; where none is named, as they come.
+        periods: Least time (s) between two takes of a key; 0 for keys that are not in it.
     """
 
     def __init__(self, periods: Mapping[str, float]) -> None:
@@ -29,7 +29,7 @@ class Inbox:
         self._count = 0
 
     def put(self, key: str, message: Any, every: bool) -> None:
-        """Keep a message; the last alone unless `every` one counts."""
+        """Queue a message; unless `every` is set, it replaces those of the same key."""
         with self._lock:
             waiting = self._waiting.setdefault(key, deque(maxlen=WAITING))
             if not every:
@@ -38,7 +38,7 @@ class Inbox:
             waiting.append((self._count, message))
 
     def take(self, now: float) -> List[Tuple[str, Any]]:
-        """Return what waits and is due at `now` (s), with its keys, in the order it came."""
+        """Return key and message of all that are queued and due at `now` (s), in the order of their arrival."""
         with self._lock:
             keys = [key for key in self._waiting if now >= self._due.get(key, now)]
             waiting = {key: self._waiting.pop(key) for key in keys}
@@ -49,5 +49,5 @@ class Inbox:
 
 
 def subscribe(topic: str, kind: Any, take: Any) -> rospy.Subscriber:
-    """Subscribe to unread messages."""
+    """Subscribe with a message type that stays serialized; see `unread`."""
     return rospy.Subscriber(topic, kind, take, queue_size=None, buff_size=1 << 22, tcp_nodelay=True)

@@ -1,4 +1,4 @@
-"""A robot's topics and frames, listened to while anybody looks."""
+"""Subscriptions to a robot's topics and frames, while a browser shows them."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ UNREAD = {key: unread(source.message) for key, source in SOURCES.items()}
 
 
 class Listening:
-    """Subscribes to what is wanted and published.
+    """Subscribes to the topics that are shown and published.
 
-    `open`, `reconcile` and `close` talk to the master, may block, and are called from the one thread that does nothing
-    else. What they bring stands in `inbox` and in the frames, each with a lock of its own.
+    `open`, `reconcile` and `close` call the ROS master, may block, and are called only from the hub's graph thread.
+    Messages go to `inbox` and transforms to Frames; each has its own lock.
 
     Args:
-        namespace: The robot's, with a slash at both ends.
-        base_frame: The robot's frame, where no amcl of its namespace names one.
-        changed: Called from any thread when something came.
+        namespace: The robot's namespace, with a slash at both ends.
+        base_frame: The robot's base frame, unless amcl in its namespace has a base_frame_id.
+        changed: Called from any thread after each message.
     """
 
     def __init__(self, namespace: str, base_frame: str, changed: Callable[[], None]) -> None:
@@ -36,16 +36,16 @@ class Listening:
         self._subscribers: Dict[Tuple[str, str], rospy.Subscriber] = {}
 
     def open(self) -> None:
-        """Begin to listen to frames; topics follow with `reconcile`."""
+        """Read the base frame and subscribe to transforms; other topics follow in `reconcile`."""
         self.base_frame = str(rospy.get_param(f"{self.namespace}amcl/base_frame_id", self.base_frame))
         self._frames = Frames(self._changed)
 
     def reconcile(self, shown: FrozenSet[str], published: Mapping[str, str]) -> None:
-        """Listen to what is shown and published, and to nothing else.
+        """Subscribe to the topics of the layers shown, where they are published, and unsubscribe from all others.
 
         Args:
-            shown: The layers that somebody looks at.
-            published: Types of the topics that somebody publishes.
+            shown: Names of the layers that some browser shows.
+            published: Message types of all published topics, by topic.
         """
         desired = {
             (key, topic) for key, source in SOURCES.items() if not source.layer or source.layer in shown
@@ -57,7 +57,7 @@ class Listening:
             self._subscribers[key, topic] = subscribe(topic, UNREAD[key], partial(self._receive, key))
 
     def close(self) -> None:
-        """Stop listening."""
+        """Unsubscribe from all topics."""
         for subscriber in self._subscribers.values():
             subscriber.unregister()
         self._subscribers.clear()
@@ -71,7 +71,7 @@ class Listening:
         return None if frames is None else frames.lookup(target, source, stamp, or_newest)
 
     def frame_names(self) -> List[str]:
-        """Return the frames that are known."""
+        """Return the names of the known frames."""
         frames = self._frames
         return [] if frames is None else frames.names()
 

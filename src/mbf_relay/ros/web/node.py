@@ -1,4 +1,4 @@
-"""web_view: see a robot and drive it from a browser.
+"""The web_view node: shows a robot in a browser and takes commands from there.
 
 Serves one page and one WebSocket at the address it logs. Parameters: those of WebViewParameters (config/README.md).
 """
@@ -33,24 +33,24 @@ POLICY = (
     "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' blob: data:; connect-src 'self' "
     "{sockets}; manifest-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
 )
-"""Content-Security-Policy: nothing from elsewhere, no script but the page's own, no other site's frame around it."""
+"""Content-Security-Policy: no other origins, no inline scripts, no framing by other sites."""
 PING_PERIOD = 10.0
-"""Wall seconds between two pings, by which a connection that died without a word is found; after three it is closed."""
+"""Wall time (s) between two pings; a connection that answers none for three periods is closed."""
 
 
 MOST_CONNECTIONS = 200
-"""Connections served at a time, a fifth of the files a process may usually open; a page takes six, for a moment."""
+"""Most HTTP connections at a time: a fifth of the usual limit of open files. A page takes six while it loads."""
 
 
 class LimitedServer(tornado.httpserver.HTTPServer):
-    """A server that lets go of whoever comes while MOST_CONNECTIONS are served.
+    """An HTTP server that closes new connections while there are MOST_CONNECTIONS.
 
-    Without a file left for the next connection its loop would look at who waits, and log an error, without a pause. The
-    pages' own sockets count no more once they are open; `max_clients` bounds them.
+    Without a free file descriptor, its loop would try to accept the next connection and log an error without pause.
+    Open WebSockets do not count here; `max_clients` limits them.
     """
 
     def handle_stream(self, stream: tornado.iostream.IOStream, address: Tuple[Any, ...]) -> None:
-        """Serve a connection, or close it."""
+        """Serve a new connection, or close it at the limit."""
         if len(self._connections) < MOST_CONNECTIONS:
             super().handle_stream(stream, address)
         else:
@@ -58,7 +58,7 @@ class LimitedServer(tornado.httpserver.HTTPServer):
 
 
 class Page(tornado.web.StaticFileHandler):
-    """The page's files, to whoever asks for this machine by one of its names."""
+    """The files of the page, for requests whose Host header is a name of this machine."""
 
     def initialize(self, names: Set[str], **more: Any) -> None:  # type: ignore[override]
         """Take the names of this machine."""
@@ -66,12 +66,12 @@ class Page(tornado.web.StaticFileHandler):
         self._names = names
 
     def prepare(self) -> None:
-        """Turn away who asks for another host: a foreign name that was made to point here."""
+        """Refuse requests for other host names, as by DNS rebinding."""
         if not is_own_host(self.request.host, self._names):
             raise tornado.web.HTTPError(403, reason="Unknown host name; see host_names")
 
     def set_extra_headers(self, path: str) -> None:
-        """Tell the browser what the page may do: little."""
+        """Set the headers that restrict what the page may do."""
         host = self.request.host
         self.set_header("Content-Security-Policy", POLICY.format(sockets=f"ws://{host} wss://{host}"))
         self.set_header("X-Content-Type-Options", "nosniff")
@@ -80,10 +80,10 @@ class Page(tornado.web.StaticFileHandler):
 
 
 class Server:
-    """The event loop and its thread; rospy keeps the main one, whose signal handler must find no lock held there."""
+    """The event loop in its thread; the main thread is rospy's, whose signal handler must find no lock held there."""
 
     def __init__(self, settings: WebViewParameters) -> None:
-        """Listen.
+        """Bind the address.
 
         Raises:
             OSError: The address cannot be listened on.
@@ -97,11 +97,11 @@ class Server:
         self._hub = Hub(settings, self._loop)
 
     def start(self) -> None:
-        """Serve, in a thread."""
+        """Start the thread that serves."""
         self._thread.start()
 
     def stop(self) -> None:
-        """Stop what a browser drives, end what it records, and serve no more."""
+        """Stop robots that are driven by hand, end the recording, and stop serving."""
         self._hub.close()
         self._loop.call_soon_threadsafe(self._loop.stop)
         self._thread.join(2.0)
@@ -126,7 +126,7 @@ class Server:
         self._loop.run_forever()
 
     def addresses(self) -> List[str]:
-        """Return what a person may enter in a browser, the right to drive included."""
+        """Return the URLs to open in a browser, with the tokens of the rights to drive and to look."""
         host = self._settings.address
         if host in ("0.0.0.0", "::", ""):  # noqa: S104 # nosec B104: compared, not bound
             known_as = rosgraph.network.get_address_override() or ""
@@ -138,7 +138,7 @@ class Server:
 
 
 def own_names(settings: WebViewParameters) -> Set[str]:
-    """Return the host names that mean this machine: its own, in multicast DNS too, the one ROS has, and those set."""
+    """Return this machine's names, lower case: hostname, mDNS name, ROS_HOSTNAME or ROS_IP, address and host_names."""
     host = socket.gethostname()
     names = {
         "localhost", host, f"{host.split('.')[0]}.local", socket.getfqdn(), rosgraph.network.get_address_override(),
@@ -148,7 +148,8 @@ def own_names(settings: WebViewParameters) -> Set[str]:
 
 
 def leave_simulated_time() -> None:
-    """Tell the time by the wall clock and stop listening to /clock, which rospy does unasked: nobody needs it here."""
+    """Use the wall clock and unsubscribe from /clock, to which rospy subscribes by itself: this node needs no ROS time.
+    """
     rospy.rostime.switch_to_wallclock()
     subscriber = getattr(rospy.impl.simtime, "_clock_sub", None)
     if subscriber is not None:
@@ -156,7 +157,7 @@ def leave_simulated_time() -> None:
 
 
 def keep(tokens: Tokens) -> str:
-    """Keep the tokens in a file that only its owner reads, and return its path; empty where there are none."""
+    """Write the tokens to a file readable only by its owner; return its path, empty where there are no tokens."""
     if not (tokens.view or tokens.drive):
         return ""
     path = os.path.join(

@@ -1,4 +1,4 @@
-"""Messages as what the view's layers hold; each is judged here, once."""
+"""Conversion and validation of messages for the layers of the page."""
 
 from __future__ import annotations
 
@@ -16,18 +16,18 @@ from mbf_relay.ros.common.conversions import pose_from_message, scan_from_messag
 from mbf_relay.view.tiles import GridShape
 
 LARGEST_GRID = 1 << 26
-"""Cells of a grid at most, 64 MiB: above it the page's memory, not the network, gives way."""
+"""Most cells of a grid (64 MiB), which a browser's memory can still hold."""
 OUTLINE = 24
-"""Corners by which a round obstacle is drawn."""
+"""Corners of the polygon drawn for a round obstacle."""
 SET_DOWN = "web_view"
-"""Namespace of the markers of obstacles set down from a browser."""
+"""Namespace of the markers of obstacles that were set from a browser."""
 
 
 def grid_shape(message: Any) -> GridShape:
-    """Return where an OccupancyGrid lies.
+    """Return size, resolution (m), origin and frame of an OccupancyGrid.
 
     Raises:
-        InvalidMessage: Its size, resolution or origin means nothing, or it is too large to show.
+        InvalidMessage: Its resolution or origin is invalid, or it has more than LARGEST_GRID cells.
     """
     info = message.info
     if info.width * info.height > LARGEST_GRID:
@@ -41,12 +41,12 @@ def grid_shape(message: Any) -> GridShape:
 
 
 def scan_points(message: LaserScan) -> np.ndarray:
-    """Return where a scan's beams ended, shape (N, 2), in the scanner's frame."""
+    """Return the hit points of a scan, shape (N, 2) in metres, in the lidar's frame."""
     return scan_from_message(message).hit_points
 
 
 def path_points(message: Path) -> np.ndarray:
-    """Return a path's positions, shape (N, 2), in its frame."""
+    """Return a path's finite positions, shape (N, 2) in metres, in its frame."""
     positions = [(stamped.pose.position.x, stamped.pose.position.y) for stamped in message.poses]
     points = np.array(positions, dtype=float).reshape(-1, 2)
     finite: np.ndarray = points[np.isfinite(points).all(axis=1)]
@@ -54,7 +54,7 @@ def path_points(message: Path) -> np.ndarray:
 
 
 def particle_poses(message: PoseArray) -> np.ndarray:
-    """Return particles as rows of x, y, heading, shape (N, 3), in their frame."""
+    """Return particles as rows of x (m), y (m) and heading (rad), shape (N, 3), in their frame."""
     values = [(p.position.x, p.position.y, p.orientation.z, p.orientation.w) for p in message.poses]
     rows = np.array(values, dtype=float).reshape(-1, 4)
     sine, cosine = rows[:, 2].copy(), rows[:, 3].copy()
@@ -62,17 +62,18 @@ def particle_poses(message: PoseArray) -> np.ndarray:
 
 
 def polygon_points(message: PolygonStamped) -> np.ndarray:
-    """Return a polygon's corners, shape (N, 2), in its frame."""
+    """Return a polygon's finite corners, shape (N, 2) in metres, in its frame."""
     points = np.array([(corner.x, corner.y) for corner in message.polygon.points], dtype=float).reshape(-1, 2)
     finite: np.ndarray = points[np.isfinite(points).all(axis=1)]
     return finite
 
 
 def cloud_points(message: PointCloud2) -> np.ndarray:
-    """Return a cloud's points as rows of x, y and, from 0 for the cheapest to 1, what each costs; shape (N, 3).
+    """Return a cloud's finite points as rows of x (m), y (m) and cost, scaled to [0, 1]; shape (N, 3).
 
     Raises:
-        InvalidMessage: It has no x, y and cost of 32 bits, or its size does not fit its data.
+        InvalidMessage: It has no little-endian float32 fields x, y and cost (or total_cost), or its data has another
+            length than its size says.
     """
     offsets = {field.name: field.offset for field in message.fields if field.datatype == PointField.FLOAT32}
     names = ("x", "y", "cost" if "cost" in offsets else "total_cost")
@@ -99,13 +100,12 @@ def cloud_points(message: PointCloud2) -> np.ndarray:
 
 
 def set_down(message: MarkerArray) -> List[int]:
-    """Return the numbers of the obstacles that stand and were set down from a browser."""
+    """Return the marker ids of the present obstacles that were set from a browser."""
     return [marker.id for marker in message.markers if marker.action == Marker.ADD and marker.ns == SET_DOWN]
 
 
 def obstacle_outlines(message: MarkerArray, map_frame: str) -> List[List[List[float]]]:
-    """Return the outlines on the ground, lists of [x, y] in the map, of markers that are boxes, cylinders or spheres.
-    """
+    """Return the outlines of boxes, cylinders and spheres as lists of [x, y] (m) in `map_frame`; leave out others."""
     outlines: List[List[List[float]]] = []
     for marker in message.markers:
         if marker.action != Marker.ADD or marker.header.frame_id.lstrip("/") != map_frame:
@@ -128,13 +128,13 @@ def obstacle_outlines(message: MarkerArray, map_frame: str) -> List[List[List[fl
 
 
 def short(text: str, longest: int) -> str:
-    """Return a text on one line, shortened where it is too long."""
+    """Return a text on one line, cut to `longest` characters."""
     line = " ".join(str(text).split())
     return line if len(line) <= longest else line[:longest - 1] + "…"
 
 
 def log_entry(message: Any) -> Optional[Dict[str, Any]]:
-    """Return what the page tells of a line of the log; None of lines that are no warnings."""
+    """Return level, node and text of a rosgraph_msgs/Log for the page; None below the level of warnings."""
     if message.level < message.WARN:
         return None
     return {

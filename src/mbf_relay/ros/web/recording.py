@@ -1,4 +1,4 @@
-"""Recording a drive with rosbag, on and off from a browser."""
+"""Recording of a drive with rosbag, started and stopped from a browser."""
 
 from __future__ import annotations
 
@@ -31,38 +31,38 @@ TOPICS = (
     "move_base_flex/exe_path/goal",
     "move_base_flex/exe_path/result",
 )
-"""What drive_report.py needs, and what a person did; those without a slash are the robot's own."""
+"""Topics that drive_report.py needs, and those of a person's commands; without a slash, in the robot's namespace."""
 PLANS = "move_base(_flex)?/[^/]+/plan"
 END_PATIENCE = 5.0
 LEAST_SPACE = 1 << 30
-"""Bytes that rosbag leaves free: with less it goes on as if it recorded, and writes nothing."""
+"""Free disk space (bytes) below which rosbag keeps running but writes nothing."""
 
 
 class Recording:
-    """At most one rosbag at a time. The browser chooses neither name nor topics.
+    """Runs at most one rosbag at a time. The browser chooses neither the bag's name nor its topics.
 
     Args:
-        folder: Where bags go.
-        minutes: Length after which a recording ends by itself.
+        folder: Folder of the bags; created where it is missing.
+        minutes: Longest duration (min) of a recording.
     """
 
     def __init__(self, folder: str, minutes: float) -> None:
         self._folder, self._minutes = folder, minutes
         self._process: Optional[subprocess.Popen] = None
-        self._asked = False  # to end
-        self._told = False  # how it ended
+        self._asked = False  # whether rosbag was told to end
+        self._told = False  # whether its end was reported
         self.path = ""
 
     @property
     def is_on(self) -> bool:
-        """Whether a bag is being written."""
+        """Whether rosbag is running, also while it still finishes a bag."""
         return self._process is not None and self._process.poll() is None
 
     def start(self, namespace: str) -> str:
-        """Begin a bag of a robot's topics, `namespace` with a slash at both ends, and return its path.
+        """Start recording a robot's topics, `namespace` with a slash at both ends; return the bag's path.
 
         Raises:
-            OSError: There is no room for it, or the last bag is still being finished.
+            OSError: The disk is too full, or the last bag is still being finished.
         """
         if self.is_on and self._asked:
             raise OSError(f"{self.path} is still being finished; try again in a few seconds")
@@ -79,7 +79,7 @@ class Recording:
         return self.path
 
     def look(self) -> str:
-        """End a bag that gets nothing any more; return, once, why one ends by itself or holds nothing; else nothing."""
+        """Stop rosbag on a full disk; return, once, why a recording ended by itself or is empty; else an empty text."""
         if self._process is None or self._told:
             return ""
         status = self._process.poll()
@@ -96,7 +96,7 @@ class Recording:
         return f"the recording has ended: rosbag failed with status {status}" if status else ""
 
     def _lack(self) -> str:
-        """Return what is said of a disk with too little room or that is gone, nothing of one that has enough."""
+        """Return why the disk cannot be written to: too full, or not there; empty where it can."""
         try:
             free = shutil.disk_usage(self._folder).free
         except OSError as error:
@@ -106,13 +106,13 @@ class Recording:
         return f"{self._folder} has {free / 1e6:.0f} MB left, and rosbag leaves {LEAST_SPACE / 1e6:.0f} MB free"
 
     def stop(self) -> None:
-        """End the bag, if there is one; rosbag gives it its name on an interrupt."""
+        """Interrupt rosbag, if it is running: it then finishes the bag and removes the .active from its name."""
         self._asked = True
         if self._process is not None and self._process.poll() is None:
             self._process.send_signal(signal.SIGINT)
 
     def close(self) -> None:
-        """End the bag and wait until it is whole."""
+        """Stop recording and wait until the bag is finished; kill rosbag after END_PATIENCE (s)."""
         self.stop()
         if self._process is not None:
             try:

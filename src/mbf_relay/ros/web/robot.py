@@ -1,4 +1,4 @@
-"""One robot with everything a browser sees and does of it, alive while somebody looks or it is on a tour."""
+"""One robot on the page: its view and its commands, while a browser shows it or it drives a list of waypoints."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ from mbf_relay.view.wishes import Refused, Wish
 
 
 class Onlooker(Hashable, Protocol):
-    """Who looks at a robot: a browser's connection, as the hub and the robot know it.
+    """Interface of a browser's connection, as hub and robot use it.
 
     Attributes:
-        number: Which one it is, for the others.
-        feed: What it is shown, and what it has already.
-        rights: What it may do.
-        robot: The robot it looks at.
+        number: Number of the connection, shown to other browsers.
+        feed: The layers it shows, and what was sent of them.
+        rights: Whether it may view and drive.
+        robot: The robot it shows.
     """
 
     number: int
@@ -33,28 +33,28 @@ class Onlooker(Hashable, Protocol):
     robot: Optional[ViewedRobot]
 
     def say(self, what: str, **more: Any) -> None:
-        """Send words."""
+        """Send a JSON message of kind `what` with further entries."""
 
     def welcome(self, is_guess: bool) -> None:
-        """Tell it which robot it looks at, and whether that is a guess."""
+        """Tell it which robot it shows, and whether that robot was only guessed."""
 
     def send_due(self, layers: Mapping[str, ViewLayer], now: float) -> None:
-        """Send what is due at `now` (s), if it is ready for it."""
+        """Send the layers that are due at `now` (s), unless it has not yet acknowledged earlier ones."""
 
 
 class ViewedRobot:
-    """Joins view and hands, and carries out wishes; used from the thread that serves browsers.
+    """Joins a robot's view and its commands, and carries out browsers' requests; used only in the event loop's thread.
 
     Args:
-        namespace: The robot's, with a slash at both ends.
+        namespace: The robot's namespace, with a slash at both ends.
         settings: The node's parameters.
-        recording: The node's one recorder.
-        changed: Called from any thread when something came.
-        told: Called from any thread with words for whoever looks at this robot.
+        recording: The node's recorder, which all robots share.
+        changed: Called from any thread after each message.
+        told: Called from any thread with a text for all browsers that show this robot.
 
     Attributes:
-        lookers: Browsers that look at it.
-        needed_at: When it was last needed, as far as somebody asked (wall s).
+        lookers: Browsers that show it.
+        needed_at: Wall time (s) at which the hub last found it needed.
     """
 
     def __init__(
@@ -68,22 +68,22 @@ class ViewedRobot:
         self.lookers: Set[Onlooker] = set()
         self._tour: Optional[Tour] = None
         self._tour_goal: Optional[str] = None
-        self._overtakes = False  # whether the tour's goal, that bears no id, was sent while another one ran
+        self._overtakes = False  # whether the tour's goal, which has no id, was sent while another goal was active
         self._tell_at = 0.0
         self.needed_at = 0.0
 
     @property
     def is_needed(self) -> bool:
-        """Whether somebody looks, or a tour goes on without."""
+        """Whether a browser shows it, or it drives a list of waypoints."""
         return bool(self.lookers) or self._tour is not None
 
     @property
     def shown(self) -> FrozenSet[str]:
-        """The layers somebody looks at."""
+        """Names of the layers that some browser shows."""
         return frozenset(name for looker in self.lookers for name in looker.feed.wanted)
 
     def update(self, now: float) -> None:
-        """Take what came, and go on with the tour; `now` in seconds of the wall clock."""
+        """Process received messages and continue the list of waypoints; `now` is wall time (s)."""
         self.view.update(now)
         ended, self.view.ended = self.view.ended, []
         if self._tour is not None:
@@ -92,7 +92,7 @@ class ViewedRobot:
             self._go_on(now)
 
     def tell(self, now: float, more: Dict[str, Any]) -> None:
-        """Show the words and figures, with `more` that the server knows, as often as they are sent."""
+        """Update the layer `state`, with `more` entries of the hub, at most once per period; `now` is wall time (s)."""
         if now < self._tell_at:
             return
         self._tell_at = now + self.view.state.period
@@ -106,10 +106,10 @@ class ViewedRobot:
         })
 
     def do(self, who: Hashable, wish: Wish) -> None:
-        """Carry out a wish of one who may drive.
+        """Carry out a request of a browser that may drive.
 
         Raises:
-            Refused: It cannot be; the text says why.
+            Refused: It cannot be carried out; the text says why.
         """
         getattr(self, f"_do_{wish.name}")(who, **wish.values)
 
@@ -134,12 +134,12 @@ class ViewedRobot:
         self.hands.clear_costmaps()
 
     def _do_stick(self, who: Hashable, forward: float, left: float) -> None:
-        if self.hands.holder in (None, who):  # whoever has the stick has the robot, also from goals sent meanwhile
+        if self.hands.holder in (None, who):  # driving by hand cancels goals, also those sent meanwhile
             self._tour = None
             try:
                 self.hands.cancel()
             except Refused:
-                pass  # nobody takes goals, and so there is none
+                pass  # no node takes goals, so none is active
         self.hands.push(who, Twist2D(forward * self._settings.teleop_speed, 0.0, left * self._settings.teleop_turn))
 
     def _do_release(self, who: Hashable) -> None:
@@ -165,7 +165,7 @@ class ViewedRobot:
         self.hands.remove_obstacles(self.view.set_down)
 
     def _need_place(self) -> None:
-        """Refuse where neither a map nor the robot's place in its frame tells what a place in it means."""
+        """Raise Refused where there is neither a map nor the robot's pose in the map frame."""
         if not self.view.has_map and self.view.pose is None:
             topics = sorted({f"{self.namespace}map", "/map"})
             raise Refused(
@@ -175,7 +175,7 @@ class ViewedRobot:
     def _end_waypoint(self, goal_id: str, state: str, now: float) -> None:
         if self._tour is None or self._tour_goal is None or self._tour_goal not in ("", goal_id):
             return
-        if self._overtakes and state == "cancelled":  # the other one
+        if self._overtakes and state == "cancelled":  # the other goal
             self._overtakes = False
             return
         self._tour_goal = None

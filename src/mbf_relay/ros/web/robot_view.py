@@ -1,4 +1,4 @@
-"""One robot as browsers see it: its messages, taken apart only as far as somebody looks, on their way to the layers."""
+"""One robot on the page: turns its messages into layers; only messages that are shown are deserialized."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from mbf_relay.view.story import GoalStory
 from mbf_relay.view.tiles import TiledGrid
 
 LIMITS = {"scan": 1500, "particles": 600, "global_plan": 400, "local_plan": 200, "footprint": 60, "trajectories": 4000}
-"""Points of a layer at most; more are not told apart on a screen."""
+"""Most points of a layer; more cannot be told apart on a screen."""
 PERIODS = {
     "scan": 0.1,
     "particles": 0.5,
@@ -30,33 +30,33 @@ PERIODS = {
     "footprint": 0.2,
     "trajectories": 0.25,
 }
-"""Seconds between two parts of a layer at least."""
+"""Least time (s) between two updates of a layer."""
 GRIDS = ("map", "global_costmap", "local_costmap")
 GOAL_STATES = {GoalStatus.SUCCEEDED: "reached", GoalStatus.PREEMPTED: "cancelled", GoalStatus.RECALLED: "cancelled"}
 RUNNING = (GoalStatus.PENDING, GoalStatus.ACTIVE, GoalStatus.PREEMPTING, GoalStatus.RECALLING)
 SILENCE = 3.0
-"""Seconds without a status after which move_base counts as gone; it sends five a second."""
+"""Time (s) without move_base/status after which move_base counts as gone; it publishes at 5 Hz."""
 STALE_AFTER = 5.0
-"""Wall seconds without a report after which a diagnostic status counts as stale, as for diagnostic_aggregator."""
+"""Wall time (s) without a message after which a diagnostic status counts as stale, as in diagnostic_aggregator."""
 STALE = 3
-"""Level of such a status: DiagnosticStatus.STALE."""
+"""DiagnosticStatus.STALE."""
 SHOWN_DIAGNOSTICS = 60
 SHOWN_OBSTACLES = 500
 
 
 class RobotView:
-    """The layers of one robot; used from the thread that serves browsers.
+    """The layers of one robot; used only in the event loop's thread.
 
     Args:
-        listening: The robot's topics and frames.
-        map_frame: Frame in which all is drawn.
+        listening: The robot's subscriptions.
+        map_frame: Frame in which everything is drawn.
 
     Attributes:
-        layers: By name.
-        story: Of its goals.
-        ended: Goals that ended since somebody last looked: id and how.
-        pose: The robot's in the map, None where unknown.
-        set_down: Numbers of the obstacles that stand and were set down from a browser.
+        layers: Layers by name.
+        story: Progress of the current or last goal.
+        ended: Id and state ("reached", "cancelled" or "failed") of goals that ended; whoever reads it empties it.
+        pose: Pose of the robot in the map frame, None where unknown.
+        set_down: Marker ids of the present obstacles that were set from a browser.
     """
 
     def __init__(self, listening: Listening, map_frame: str) -> None:
@@ -75,29 +75,29 @@ class RobotView:
         self._speed = (0.0, 0.0)
         self._error: Optional[float] = None
         self._diagnostics: Dict[str, Dict[str, Any]] = {}
-        self._reported: Dict[str, float] = {}  # when each of them came last (wall s)
-        self._fit: Tuple[str, str] = "", ""  # amcl's status, and the share in it
+        self._reported: Dict[str, float] = {}  # wall time (s) of the last message, by name
+        self._fit: Tuple[str, str] = "", ""  # amcl's diagnostic status, and the scan's share that fits
         self._status_time = -math.inf
         self._ended_goal: Optional[str] = None
         self._others: List[str] = []
 
     def update(self, now: float) -> None:
-        """Take what came into the layers; `now` in seconds of the wall clock."""
+        """Put received messages into the layers; `now` is wall time (s)."""
         for key, message in self.listening.inbox.take(now):
             try:
                 getattr(self, f"_take_{key}")(message, now)
-            except Exception as error:  # it came from outside: nothing of it may keep what came with it from the page
+            except Exception as error:  # an invalid message must not keep the others from the page
                 rospy.logwarn_throttle(
                     10.0, f"{key} of {self.listening.namespace} is not shown: {readers.short(str(error), 200)}"
                 )
         self._look_for_robot()
         self._show_diagnostics(now)
-        # a relay that takes goals from the topic alone tells no status
+        # a relay without the action publishes no status
         if self.story.state == "active" and self.tells_status and now - self._status_time > SILENCE:
             self.story.ended("failed", "move_base has fallen silent")
 
     def _look_for_robot(self) -> None:
-        """Show where the robot stands, how fast it is, and where the frames of grids lie."""
+        """Update the robot's pose and velocity, and the poses of the grids' frames and of other robots."""
         frames = {grid.shape.frame for grid in self._grids.values() if grid.shape is not None} - {self._map_frame}
         self.pose = self._lookup(self.listening.base_frame)
         header: Dict[str, Any] = {
@@ -113,23 +113,23 @@ class RobotView:
 
     @property
     def has_map(self) -> bool:
-        """Whether a map has come."""
+        """Whether a map was received."""
         return self._grids["map"].shape is not None
 
     @property
     def tells_status(self) -> bool:
-        """Whether move_base has told its status, as one with an action does."""
+        """Whether move_base has published its status, as it does if it has the action."""
         return self._status_time > -math.inf
 
     def look_for_others(self) -> None:
-        """Find the frames of other robots: those of our base frame's name under another prefix."""
+        """Find the base frames of other robots: the same name under another prefix."""
         own = self.listening.base_frame.lstrip("/")
         last = own.rsplit("/", 1)[-1]
         names = self.listening.frame_names()
         self._others = sorted(name for name in names if name.rsplit("/", 1)[-1] == last and name != own)[:20]
 
     def words(self, now: float) -> Dict[str, Any]:
-        """Return what is told in words and figures."""
+        """Return the entries of the layer `state` that are known here; `now` is wall time (s)."""
         status, fit = self._fit
         return {
             "goal": self.story.as_dict(self.pose, now), "fit": None if self._is_stale(status, now) else fit,
@@ -137,7 +137,7 @@ class RobotView:
         }
 
     def _show_points(self, name: str, header: Any, points: np.ndarray) -> None:
-        """Show points that are given in a header's frame at its time."""
+        """Show points that are in a header's frame at its stamp."""
         self._points[name].put(partial(self._part, name, header, points))
 
     def _part(self, name: str, header: Any, points: np.ndarray) -> Optional[bytes]:
@@ -145,7 +145,7 @@ class RobotView:
         return None if placed is None else points_part(name, placed, LIMITS[name])
 
     def _placed(self, header: Any, points: np.ndarray, turn: bool) -> Optional[np.ndarray]:
-        """Return points in the map, a third column turned where it is a heading; None where their frame is unknown."""
+        """Return points in the map frame, None if theirs is unknown; with `turn`, the third column is a heading."""
         if header.frame_id.lstrip("/") == self._map_frame:
             return points
         place = self._lookup(header.frame_id, header.stamp)
@@ -176,7 +176,7 @@ class RobotView:
 
     def _take_window(self, name: str, message: Any) -> None:
         update = message.read()
-        if self._grids[name].shape is not None:  # else the whole grid is still to come
+        if self._grids[name].shape is not None:  # else the whole grid was not received yet
             self._grids[name].update(update.x, update.y, update.width, update.data)
 
     def _take_scan(self, message: Any, _now: float) -> None:
@@ -193,7 +193,7 @@ class RobotView:
         placed = self._placed(path.header, points, False)
         if placed is not None:
             self.story.planned(placed, now)
-        if self.story.state == "active" and self.story.goal is None and path.poses:  # it was sent before anybody looked
+        if self.story.state == "active" and self.story.goal is None and path.poses:  # sent before anybody looked
             end = self._placed(path.header, np.array([pose_from_message(path.poses[-1].pose)]), True)
             self.story.began(None if end is None else Pose2D(*end[0]))
         self._show_points("global_plan", path.header, points)
@@ -232,7 +232,7 @@ class RobotView:
     def _take_status(self, message: Any, now: float) -> None:
         self._status_time = now
         running = [status for status in message.read().status_list if status.status in RUNNING]
-        if any(status.goal_id.id != self._ended_goal for status in running):  # a result may come before older news
+        if any(status.goal_id.id != self._ended_goal for status in running):  # results may overtake older statuses
             self.story.began(None)
 
     def _take_goal(self, message: Any, _now: float) -> None:
@@ -250,7 +250,7 @@ class RobotView:
         self._goal_ended(outcome.status, outcome.status.text, outcome.result.message)
 
     def _goal_ended(self, status: GoalStatus, text: str, why: str) -> None:
-        """Take note of a goal's end, which two topics tell, in either order; only one of them says `why`."""
+        """Note a goal's end, which two topics report, in either order; only navigation_outcome gives `why`."""
         state, goal = GOAL_STATES.get(status.status, "failed"), status.goal_id.id
         is_known = goal == self._ended_goal and self.story.state == state
         if not is_known:
@@ -279,7 +279,7 @@ class RobotView:
                     self._fit = name, readers.short(pair.value, 10)
 
     def _show_diagnostics(self, now: float) -> None:
-        """Show each status as it was reported last, or as stale: a node that has died sends none."""
+        """Show the last message of each diagnostic status, or that it is stale, as of a node that has died."""
         if not self._diagnostics:
             return
         entries = [
@@ -299,5 +299,5 @@ class RobotView:
 
 
 def rounded(pose: Optional[Pose2D]) -> Optional[List[float]]:
-    """Return a pose as a list to a tenth of a millimetre, None where there is none."""
+    """Return a pose as a list [x, y, heading] (m, rad) of four decimals, None for None."""
     return None if pose is None else [round(value, 4) for value in pose]

@@ -1,4 +1,4 @@
-"""Which topics feed which layers."""
+"""The topics of each layer of the page."""
 
 from __future__ import annotations
 
@@ -19,15 +19,15 @@ from mbf_relay.ros.common.quick_grids import QuickGrid, QuickGridUpdate
 
 
 class Source(NamedTuple):
-    """Where a layer, or the telling beside the picture, comes from.
+    """Topics of a layer, or of the page's status texts.
 
     Attributes:
         message: Type of the messages.
-        topics: Patterns, in the order of preference; those below the robot's namespace unless they begin with a slash.
-            All published topics that match the first pattern with any match are listened to.
-        layer: The layer that must be shown; empty for what is needed as long as anybody looks.
-        every: Whether each message counts, and not the newest alone.
-        period: Seconds between two looks at it; what comes oftener is not taken apart.
+        topics: Regular expressions in order of preference, in the robot's namespace unless they begin with a slash.
+            All published topics that match the first expression with any match are subscribed to.
+        layer: Layer for which it is subscribed to; empty for always, while any browser shows the robot.
+        every: Whether every message is used, instead of only the newest.
+        period: Least time (s) between two messages that are deserialized.
     """
 
     message: Any
@@ -53,7 +53,7 @@ SOURCES: Dict[str, Source] = {
         "footprint",
         period=0.2,
     ),
-    "obstacles": Source(MarkerArray, ("simulator/obstacles",)),  # to be taken away, whether they are shown or not
+    "obstacles": Source(MarkerArray, ("simulator/obstacles",)),  # needed to remove obstacles even if they are not shown
     "scan": Source(LaserScan, ("scan",), "scan"),
     "particles": Source(PoseArray, ("particlecloud",), "particles"),
     "global_plan": Source(Path, (r"move_base_flex/[^/]+/plan", r"move_base/[^/]+/plan")),
@@ -77,12 +77,12 @@ SOURCES: Dict[str, Source] = {
 
 
 def topics_of(source: Source, namespace: str, published: Mapping[str, str]) -> List[str]:
-    """Return the topics to listen to.
+    """Return the topics to subscribe to.
 
     Args:
-        source: What is wanted.
-        namespace: The robot's, with a slash at both ends.
-        published: Types of the topics that somebody publishes.
+        source: The source.
+        namespace: The robot's namespace, with a slash at both ends.
+        published: Message types of all published topics, by topic.
     """
     for pattern in source.topics:
         whole = re.compile(pattern if pattern.startswith("/") else re.escape(namespace) + pattern)
@@ -93,8 +93,7 @@ def topics_of(source: Source, namespace: str, published: Mapping[str, str]) -> L
 
 
 def robots_of(topics: Iterable[str]) -> List[str]:
-    """Return the namespaces, with a slash at both ends, in which there is a robot: a move_base, an odometry, or a scan.
-    """
+    """Return the namespaces, with a slash at both ends, of robots: those with move_base's status, odom or scan."""
     found = set()
     for topic in topics:
         match = re.fullmatch(r"(/(?:.*/)?)(?:move_base/status|move_base_flex/move_base/status|odom|scan)", topic)
