@@ -1,1 +1,1 @@
-"""The demo, the clients, and what records and reports drives."""
+"""The demo, the clients, and commands on parameters, recorded drives and robots."""

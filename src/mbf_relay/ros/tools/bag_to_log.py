@@ -23,7 +23,7 @@ class BagReader:
     """Collects the rows of a log from a bag's transforms and scans.
 
     Attributes:
-        left_out: Why, for each scan that is in no row.
+        left_out: The reason for each scan that was left out.
     """
 
     def __init__(self, scan_topic: str, base: str, odom: str, reference: Optional[Tuple[str, str]]) -> None:
@@ -32,7 +32,7 @@ class BagReader:
         self._buffer = tf2_ros.BufferCore(rospy.Duration(10 ** 9))
 
     def read(self, bag: rosbag.Bag) -> RecordedLog:
-        """Return the log; ValueError where no scan can be related to odometry."""
+        """Return the log; raise ValueError where no scan has an odometry pose and a mounting."""
         messages = self._load(bag)
         rows: List[Tuple[float, Pose2D, np.ndarray, Optional[Pose2D]]] = []
         first, mount, lidar = None, None, ""
@@ -81,7 +81,7 @@ class BagReader:
 
 
 def main(arguments: Optional[List[str]] = None) -> int:
-    """Run the command; return its exit status: 0, or 1 where there is no log to be made."""
+    """Run the command; return its exit status: 0, or 1 where the log cannot be made or written."""
     parser = argparse.ArgumentParser(prog="bag_to_log.py", description=__doc__)
     parser.add_argument("bag", metavar="BAG", help="the recorded bag")
     parser.add_argument("log", metavar="LOG.npz", help="the log to write")

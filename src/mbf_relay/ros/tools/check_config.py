@@ -1,4 +1,4 @@
-"""The check command: what becomes of somebody's launch file or parameter files, told without a robot or a master."""
+"""check_config.py: tell what becomes of the parameters of launch or YAML files, without a robot or a ROS master."""
 
 from __future__ import annotations
 
@@ -28,13 +28,13 @@ def _examine_amcl(values: Mapping[str, Any]) -> Examination:
 EXAMINERS: Dict[str, Callable[[Mapping[str, Any]], Examination]] = {
     "move_base": exam.examine_move_base, "move_base_flex": exam.examine_server, "amcl": _examine_amcl,
 }
-"""What looks at the parameters of a type of node."""
+"""Function that examines the parameters, by type of node."""
 TROUBLE = (exam.REFUSED, exam.DOUBTFUL)
-"""What makes the exit status 1; with --strict, everything but what is used."""
+"""Kinds of findings for which the exit status is 1; with --strict, all kinds but USED."""
 
 
 def main(arguments: Optional[Sequence[str]] = None, out: TextIO = sys.stdout) -> int:
-    """Run the command; return the exit status: 0, 1 where something needs a human, 2 where nothing could be read."""
+    """Run the command; return 0, 1 where something is refused or doubtful, or 2 where nothing could be read."""
     options = _parse(sys.argv[1:] if arguments is None else arguments)
     try:
         nodes, not_read = _read(options)
@@ -56,20 +56,20 @@ def main(arguments: Optional[Sequence[str]] = None, out: TextIO = sys.stdout) ->
 
 
 def examine(node: LaunchedNode) -> Examination:
-    """Return the examination of a node's parameters, with what its files themselves give cause for."""
+    """Return the examination of a node's parameters, with the doubts about its files, such as keys given twice."""
     found = EXAMINERS[node.type](node.source.values)
     found.findings[:0] = [Finding(exam.DOUBTFUL, name, text) for name, text in node.source.trouble]
     return found
 
 
 def tell(node: LaunchedNode, found: Examination, out: TextIO, quiet: bool) -> None:
-    """Print what was found, a line each, those in one file in the order of its lines.
+    """Print the findings about a node, a line each, by kind, and their numbers.
 
     Args:
-        node: Whose.
-        found: That.
-        out: Where to.
-        quiet: Leave out what is used as it stands.
+        node: The node.
+        found: Its examination.
+        out: Stream to print to.
+        quiet: Leave out parameters that are used as they are.
     """
     print(f"{node.name} ({node.type})", file=out)
     for kind in exam.KINDS:
@@ -90,7 +90,7 @@ def _has_to_be_named(finding: Finding) -> bool:
 
 def _read(options: argparse.Namespace) -> Launch:
     names = [name for name in options.files if ":=" not in name]
-    given = [*options.arg, *(text for text in options.files if ":=" in text)]  # as to roslaunch
+    given = [*options.arg, *(text for text in options.files if ":=" in text)]  # as roslaunch takes them
     launch_files = [name for name in names if name.endswith((".launch", ".xml"))]
     if launch_files:
         others = [name for name in names if name not in launch_files]

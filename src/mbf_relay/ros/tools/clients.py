@@ -29,10 +29,10 @@ from mbf_relay.ros.common.outcome_codes import name_of
 from mbf_relay.simulation.arena import CIRCLE
 
 CLOCK_SKEW = 0.5
-"""How far (s) this program's simulated clock may be ahead of the relay's."""
+"""Most time (s) by which this process's simulated clock may be ahead of the relay's."""
 
 Drive = Callable[[PoseStamped], bool]
-"""Drives to a pose and tells whether the robot got there."""
+"""Function that drives to a pose and returns whether the robot arrived."""
 
 
 def mb_relay_client() -> None:
@@ -89,7 +89,7 @@ def movebase_client() -> None:
 
 
 def drive_circle(drive: Drive, options: argparse.Namespace) -> None:
-    """Visit the circle's goals in order, say how it went, and exit."""
+    """Drive to the circle's goals in order, print the result, and exit with 0 or 1."""
     goals = CIRCLE * options.laps
     result = True
     for number, (x, y, z, w) in enumerate(goals, 1):
@@ -102,7 +102,7 @@ def drive_circle(drive: Drive, options: argparse.Namespace) -> None:
 
 
 def follow_circle(options: argparse.Namespace) -> None:
-    """Have the circle's goals followed by waypoint_follower, say how it went, and exit."""
+    """Send the circle's goals to waypoint_follower, print the result, and exit with 0 or 1."""
     from mbf_relay.msg import FollowWaypointsAction, FollowWaypointsGoal
 
     client = connect("follow_waypoints", FollowWaypointsAction, options.timeout)
@@ -114,7 +114,7 @@ def follow_circle(options: argparse.Namespace) -> None:
 
 
 def move_base_drive(options: argparse.Namespace) -> Drive:
-    """Return how to drive by move_base: by its action where it has one, else by its goal topic."""
+    """Return a function that drives by move_base's action, or by its goal topic where there is no action server."""
     client = ActionClient(options.server, MoveBaseAction)
     on_shutdown(client.cancel_all)
     topic = GoalTopic(options.server)
@@ -131,7 +131,7 @@ def move_base_drive(options: argparse.Namespace) -> Drive:
 
 
 class GoalTopic:
-    """Drives by move_base_simple/goal, and learns from the relay's ~navigation_outcome how it went."""
+    """Drives by move_base_simple/goal; the result comes from the relay's ~navigation_outcome."""
 
     def __init__(self, server: str) -> None:
         self._goals = rospy.Publisher("move_base_simple/goal", PoseStamped, queue_size=1)
@@ -141,11 +141,11 @@ class GoalTopic:
 
     @property
     def is_connected(self) -> bool:
-        """Whether somebody takes goals and tells outcomes."""
+        """Whether goals have a subscriber and outcomes a publisher."""
         return bool(self._goals.get_num_connections() and self._subscriber.get_num_connections())
 
     def drive(self, pose: PoseStamped) -> bool:
-        """Send a pose; wait for the outcome of a goal at least as new."""
+        """Send a pose; wait for the outcome of a goal that is not older; return whether the robot arrived."""
         pose.header.stamp = rospy.get_rostime()
         newer_than = pose.header.stamp.to_sec() - CLOCK_SKEW
         self._outcomes.clear()
@@ -161,7 +161,7 @@ class GoalTopic:
 
 
 def connect(name: str, action_type: Any, timeout: float) -> ActionClient:
-    """Return a client whose server is there, or end the program."""
+    """Return a client that is connected to its server; exit with 1 where there is none within `timeout` (s)."""
     client = ActionClient(name, action_type)
     on_shutdown(client.cancel_all)
     if not client.wait_for_server(timeout):
@@ -170,7 +170,7 @@ def connect(name: str, action_type: Any, timeout: float) -> ActionClient:
 
 
 def run(client: ActionClient, goal: Any) -> ActionEnding:
-    """Send a goal and wait for its end, or for the program's."""
+    """Send a goal and return how it ended; exit with 130 at shutdown."""
     ending = client.send(goal).wait()
     if ending is None:
         sys.exit(130)
@@ -178,9 +178,9 @@ def run(client: ActionClient, goal: Any) -> ActionEnding:
 
 
 def succeeded(ending: ActionEnding) -> bool:
-    """Return whether a goal ended well, and say why where it did not.
+    """Return whether a goal succeeded; log the reason where it did not.
 
-    Move Base Flex gives its outcome beside the state; both must say so.
+    Of Move Base Flex's results the outcome must be SUCCESS, too.
     """
     outcome = getattr(ending.result, "outcome", 0)
     if ending.status == GoalStatus.SUCCEEDED and outcome == 0:
@@ -199,7 +199,7 @@ def pose_in_map(x: float, y: float, orientation: Quaternion) -> PoseStamped:
 
 
 def circle_arguments(description: Optional[str], server: str, via: bool = False) -> argparse.ArgumentParser:
-    """Return the arguments of the clients that drive the circle."""
+    """Return the parser of a client that drives the circle; `via` adds that option."""
     arguments = argparse.ArgumentParser(description=description)
     arguments.add_argument("--laps", type=int, default=1, help="rounds to drive, default %(default)s")
     if via:
@@ -211,7 +211,7 @@ def circle_arguments(description: Optional[str], server: str, via: bool = False)
 
 
 def common_arguments(arguments: argparse.ArgumentParser, server: str) -> None:
-    """Add what every client takes."""
+    """Add the options of all clients."""
     arguments.add_argument(
         "--server", default=server, help="name of the node that takes the goals, default %(default)s")
     arguments.add_argument("--timeout", type=not_negative, default=60.0,
@@ -219,7 +219,7 @@ def common_arguments(arguments: argparse.ArgumentParser, server: str) -> None:
 
 
 def parse(arguments: argparse.ArgumentParser, argv: Optional[Sequence[str]] = None) -> argparse.Namespace:
-    """Return the options, without roslaunch's own arguments."""
+    """Return the options, remappings left out; waits for the ROS master for up to --timeout (s)."""
     options = arguments.parse_args(rospy.myargv(argv if argv is not None else sys.argv)[1:])
     if getattr(options, "laps", 1) < 1:
         arguments.error(f"--laps is {options.laps}; it must be at least 1")
@@ -228,7 +228,7 @@ def parse(arguments: argparse.ArgumentParser, argv: Optional[Sequence[str]] = No
 
 
 def _wait_for_master(timeout: float) -> None:
-    """Return once there is a ROS master; end the program where none comes. rospy would wait for ever."""
+    """Wait for the ROS master; exit with 1 where there is none within `timeout` (s). rospy would wait for ever."""
     master, end, said = rosgraph.Master("/client"), time.monotonic() + timeout, False
     while not rospy.core.is_shutdown_requested():
         try:
@@ -247,7 +247,7 @@ def _wait_for_master(timeout: float) -> None:
 
 
 def not_negative(text: str) -> float:
-    """Return a finite number that is 0 or above."""
+    """Return a text as a finite number of at least 0; for argparse."""
     value = finite(text)
     if value < 0.0:
         raise argparse.ArgumentTypeError(f"{text} is below 0")
@@ -255,6 +255,6 @@ def not_negative(text: str) -> float:
 
 
 def give_up(text: str) -> NoReturn:
-    """Say what is wrong and end the program with 1."""
+    """Log an error and exit with 1."""
     rospy.logfatal("%s", text)
     sys.exit(1)

@@ -1,4 +1,4 @@
-"""The demo: the tutorial's circle, driven in the simulated arena through the relay, with a report of it.
+"""The demo: drives the tutorial's circle in the simulated arena through the relay, and writes a report.
 
 Exits 0 only if every goal was reached without a contact, 130 when interrupted.
 """
@@ -30,12 +30,12 @@ GOALS_PER_LAP = 8
 START_PATIENCE = 60.0
 PROGRESS_PERIOD = 0.2
 LARGEST_SEED = 2 ** 31 - 1
-"""A parameter's largest whole number."""
+"""Largest integer on the parameter server."""
 NODES = ("simulator", "map_server", "amcl", "move_base_flex", "move_base")
 
 
 def main(arguments: Optional[Sequence[str]] = None) -> int:
-    """Drive as the command line says and return the exit status."""
+    """Run the command; return the exit status."""
     options = parse(arguments)
     end_on_request()
     try:
@@ -50,7 +50,7 @@ def main(arguments: Optional[Sequence[str]] = None) -> int:
 
 
 def parse(arguments: Optional[Sequence[str]]) -> argparse.Namespace:
-    """Return the options, checked."""
+    """Return the options; exit with an error where they are invalid."""
     parser = argparse.ArgumentParser(prog="demo", description="Drive the tutorial's circle in the simulated arena.")
     parser.add_argument("--laps", type=int, default=1, metavar="N", help="rounds to drive (default: %(default)s)")
     parser.add_argument(
@@ -86,10 +86,10 @@ def parse(arguments: Optional[Sequence[str]]) -> argparse.Namespace:
 
 
 def run(options: argparse.Namespace) -> Drive:
-    """Start the graph, drive, report, and end the graph.
+    """Start the graph, drive, write the report, and end the graph.
 
     Raises:
-        GraphError: The nodes did not come up, or ended on the way.
+        GraphError: The nodes did not start, ended too soon, or the report cannot be written.
         KeyboardInterrupt: Ctrl-C, or a request to terminate.
     """
     folder = os.path.abspath(options.report)
@@ -129,15 +129,15 @@ def run(options: argparse.Namespace) -> Drive:
 
 
 def show_in_browser(graph: DemoGraph, port: int, timeout: float) -> None:
-    """Tell the page's address and, where there is a display, open it.
+    """Print the page's address and, where there is a display, open it.
 
     Args:
         graph: The demo's processes.
-        port: Where the node web_view listens.
-        timeout: Wall seconds it may take to come up.
+        port: TCP port of web_view.
+        timeout: Wall time (s) to wait for it.
 
     Raises:
-        GraphError: It does not.
+        GraphError: It does not listen by then, or a node ended.
     """
     deadline = time.monotonic() + timeout
     while True:
@@ -156,7 +156,7 @@ def show_in_browser(graph: DemoGraph, port: int, timeout: float) -> None:
 
 
 def has_display() -> bool:
-    """Return whether there is a screen to open windows on."""
+    """Return whether there is an X or Wayland display."""
     return bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
 
 
@@ -198,15 +198,15 @@ def watch(graph: DemoGraph, options: argparse.Namespace, logs: str) -> Drive:
 
 
 def program_beside(name: str) -> str:
-    """Return where another program of this package is: beside this one, for which rosrun looks for half a second."""
+    """Return the path of another executable of this package, in this one's folder; rosrun would search for 0.5 s."""
     return os.path.join(os.path.dirname(os.path.abspath(sys.argv[0])), name)
 
 
 def wait_for_server(graph: DemoGraph, timeout: float) -> None:
-    """Return once goals are carried out, so that the first one's time is that of a drive and not of a start.
+    """Wait for the server's action, so that the first goal's time does not include the start of the nodes.
 
     Raises:
-        GraphError: That takes more than `timeout` wall seconds, or a node ended.
+        GraphError: It takes more than `timeout` (s, wall time), or a node ended.
     """
     from mbf_msgs.msg import MoveBaseAction
 
@@ -224,9 +224,9 @@ def wait_for_server(graph: DemoGraph, timeout: float) -> None:
 
 
 def show(recorder: Any, terminal: Terminal, ended: int, now: float) -> int:
-    """Show goals that ended beyond the first `ended`, and where the running one stands; return how many ended."""
+    """Print the goals that ended after the first `ended`, and the active one's progress; return how many ended."""
     goals = recorder.goals()
-    if len(goals) < ended:  # it began anew, as the clock was set back
+    if len(goals) < ended:  # the record started again, as the clock was set back
         ended = 0
     for number, goal in enumerate(goals[ended:], ended + 1):
         if goal.ended is None:
@@ -238,7 +238,7 @@ def show(recorder: Any, terminal: Terminal, ended: int, now: float) -> int:
 
 
 def settle(recorder: Any, client: subprocess.Popen, patience: float) -> None:
-    """Wait a moment for the last goal's result, which reaches the client and the recorder each in its time."""
+    """Wait until the recorder, like the client, has the last goal's result; at most 2 s and `patience` (s)."""
     deadline = time.monotonic() + min(2.0, patience)
     while client.returncode == 0 and time.monotonic() < deadline:
         goals = recorder.goals()
@@ -248,7 +248,7 @@ def settle(recorder: Any, client: subprocess.Popen, patience: float) -> None:
 
 
 def say_last_word(terminal: Terminal, client: subprocess.Popen, log: str, nodes_log: str) -> None:
-    """Pass on the client's verdict, and where it is no good one, why: its own warnings and the relay's reasons."""
+    """Print the client's result and, where it failed, its errors and the relay's reasons."""
     with open(log, encoding="utf-8", errors="replace") as stream:
         verdicts = [line.strip() for line in stream if line.startswith("Drove circle")]
     for line in verdicts:
@@ -260,14 +260,13 @@ def say_last_word(terminal: Terminal, client: subprocess.Popen, log: str, nodes_
 
 
 def reasons_of_aborts(log: str) -> List[str]:
-    """Return what the relay said, in a log of the nodes, of goals it aborted; move_base's status texts leave that out.
-    """
+    """Return the relay's reasons for aborted goals from a log of the nodes; move_base's status texts lack them."""
     with open(log, encoding="utf-8", errors="replace") as stream:
         return re.findall(r"\bgoal \S+ aborted: ([^\x1b\n]+)", stream.read())
 
 
 def versions() -> Dict[str, str]:
-    """Return what drove: names and versions."""
+    """Return the versions of Python, ROS and the packages in use, by name."""
     import rospkg
 
     found = {"python": platform.python_version(), "ROS": os.environ.get("ROS_DISTRO", "unknown")}

@@ -1,4 +1,4 @@
-"""The demo's processes: a roslaunch with a master of its own, and a client; all of them gone in the end."""
+"""The demo's processes: a roslaunch with its own master, and a client; all are ended with the demo."""
 
 from __future__ import annotations
 
@@ -18,32 +18,32 @@ from mbf_relay.ros.common.ending import adopt_orphans, interrupt_at_death_of
 
 ENDING_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 INTERRUPT_PATIENCE = 25.0
-"""Wall seconds roslaunch gets to end its nodes; it gives each 15 s before it turns to SIGTERM."""
+"""Wall time (s) for roslaunch to end its nodes; it waits 15 s for each before it sends SIGTERM."""
 STARTED, STARTING = 0.5, 5.0
-"""Wall seconds without a new node after which roslaunch has started all, and for which it may go on starting some."""
+"""Wall times (s): without a new node, after which roslaunch counts as done; and the longest wait for that."""
 
 LOOPBACK = "127.0.0.1"
 PORTS = (15000, 32000)
-"""TCP ports among which a free one is looked for."""
+"""Range of TCP ports from which a free one is chosen."""
 
 
 class GraphError(Exception):
-    """The graph did not come up or went down; the text says what is known."""
+    """The graph did not start, or ended; the text says why as far as known."""
 
 
 class DemoGraph:
-    """A context manager that runs a launch file on a free port and ends whatever came of it.
+    """A context manager that runs a launch file with a master on a free port, and ends all its processes.
 
     Args:
         launch: Package, launch file and arguments, as for roslaunch.
-        folder: Where logs go.
+        folder: Folder of the logs.
     """
 
     def __init__(self, launch: List[str], folder: str) -> None:
         self._log = os.path.join(folder, "roslaunch.log")
         self._processes: List[subprocess.Popen] = []
         port = free_port()
-        # With this address everything of ROS listens on the loopback interface alone; a host name would win over it.
+        # With this address ROS listens on the loopback interface only; ROS_HOSTNAME would override it.
         self.environment: Dict[str, str] = dict(
             os.environ, ROS_MASTER_URI=f"http://{LOOPBACK}:{port}", ROS_IP=LOOPBACK, ROS_LOG_DIR=folder,
         )
@@ -55,7 +55,7 @@ class DemoGraph:
         os.makedirs(os.path.dirname(self._log), exist_ok=True)
         try:
             self.start(self._command, self._log)
-        except BaseException:  # an interrupt put off until it had started: nobody else would end it
+        except BaseException:  # an interrupt deferred until it had started: __exit__ is not called then
             self.__exit__()
             raise
         return self
@@ -69,7 +69,7 @@ class DemoGraph:
             kill_descendants()
 
     def start(self, command: List[str], log: str) -> subprocess.Popen:
-        """Start a process of the graph, its output in the file `log`; Ctrl-C in the terminal does not reach it."""
+        """Start a process with its output in the file `log`, in its own session, so that Ctrl-C does not reach it."""
         with open(log, "wb") as stream, uninterrupted():
             process = subprocess.Popen(
                 command, env=self.environment, stdin=subprocess.DEVNULL, stdout=stream, stderr=subprocess.STDOUT,
@@ -79,15 +79,15 @@ class DemoGraph:
         return process
 
     def check(self) -> None:
-        """Raise GraphError where roslaunch has ended, as it does when a required node dies."""
+        """Raise GraphError where roslaunch has ended, as it does when a required node ends."""
         if self._processes[0].poll() is not None:
             raise GraphError(f"the nodes have ended:\n{last_errors(self._log)}\nAll of it: {self._log}")
 
     def wait_for_parameter(self, name: str, timeout: float) -> None:
-        """Return once the master has a parameter, which roslaunch sets before it starts nodes.
+        """Wait until the master has a parameter; roslaunch sets them before it starts nodes.
 
         Raises:
-            GraphError: It has none after `timeout` wall seconds, or roslaunch ended.
+            GraphError: It is not set within `timeout` (s, wall time), or roslaunch ended.
         """
         master = xmlrpc.client.ServerProxy(self.environment["ROS_MASTER_URI"])
         end_time = time.monotonic() + timeout
@@ -105,7 +105,7 @@ class DemoGraph:
 
 @contextlib.contextmanager
 def uninterrupted() -> Iterator[None]:
-    """Put off requests to end until the block is done, where a process started must not be lost sight of."""
+    """Defer SIGINT, SIGTERM and SIGHUP to the end of the block, so that each process started is registered."""
     pending: List[signal.Signals] = []
     before = {
         number: signal.signal(number, lambda n, _: pending.append(signal.Signals(n))) for number in ENDING_SIGNALS
@@ -123,7 +123,7 @@ def uninterrupted() -> Iterator[None]:
 
 
 def end_on_request() -> None:
-    """Take the first request to end for a KeyboardInterrupt, and no other: it would interrupt the ending."""
+    """Raise KeyboardInterrupt on the first of ENDING_SIGNALS; ignore later ones, which would interrupt the clean-up."""
     for number in ENDING_SIGNALS:
         signal.signal(number, _interrupt)
 
@@ -135,10 +135,10 @@ def _interrupt(_number: int, _frame: Any) -> None:
 
 
 def free_port() -> int:
-    """Return a TCP port nobody listens on, so that a master that runs is left alone.
+    """Return a free TCP port, so that a running master is not disturbed.
 
-    It is none of those that systems give to connections (from 32768 on): between a master's death and its successor's
-    start a node that looks for it could be given its port, and keep it.
+    It is below the ephemeral ports (from 32768 on): otherwise a node that tries to reach a master that is being
+    restarted could be given the master's port for its own connection, and keep it.
     """
     for port in random.SystemRandom().sample(range(*PORTS), 100):
         with socket.socket(socket.AF_INET, socket.SOCK_STREAM) as probe:
@@ -151,14 +151,14 @@ def free_port() -> int:
 
 
 def let_start(roslaunch: subprocess.Popen) -> None:
-    """Wait while roslaunch starts nodes: it hears a signal with a lock held that its own ending waits for, for 20 s."""
+    """Wait while roslaunch starts nodes: interrupted then, it would wait 20 s for a lock that it holds itself."""
     deadline = time.monotonic() + STARTING
     while roslaunch.poll() is None and time.monotonic() < deadline and starts_nodes(roslaunch.pid):
         time.sleep(0.05)
 
 
 def starts_nodes(pid: int) -> bool:
-    """Return whether a process has started another one a moment ago."""
+    """Return whether a process has started a child within the last STARTED seconds."""
     try:
         return any(time.time() - child.create_time() < STARTED for child in psutil.Process(pid).children())
     except psutil.NoSuchProcess:
@@ -166,7 +166,7 @@ def starts_nodes(pid: int) -> bool:
 
 
 def end(process: subprocess.Popen) -> None:
-    """End a process with SIGINT, on which roslaunch ends its nodes, or with SIGKILL if it stays."""
+    """End a process by SIGINT, on which roslaunch ends its nodes, and by SIGKILL after INTERRUPT_PATIENCE (s)."""
     if process.poll() is None:
         process.send_signal(signal.SIGINT)
         try:
@@ -177,7 +177,7 @@ def end(process: subprocess.Popen) -> None:
 
 
 def kill_descendants() -> None:
-    """Kill whatever this process's children left behind; a roslaunch interrupted early may leave a node."""
+    """Kill all remaining descendants of this process; a roslaunch interrupted early may leave a node behind."""
     while True:
         left = descendants(os.getpid())
         if not left:
@@ -192,7 +192,7 @@ def kill_descendants() -> None:
 
 
 def descendants(pid: int) -> List[int]:
-    """Return the processes that `pid` started, and those they started in turn."""
+    """Return the PIDs of all descendants of a process."""
     try:
         return [process.pid for process in psutil.Process(pid).children(recursive=True)]
     except psutil.NoSuchProcess:
@@ -200,7 +200,7 @@ def descendants(pid: int) -> List[int]:
 
 
 def last_errors(log: str) -> str:
-    """Return the last eight lines of a log that say what went wrong, else its last lines."""
+    """Return the last eight lines of a log with errors, else its last eight lines."""
     with open(log, encoding="utf-8", errors="replace") as stream:
         lines = [line.rstrip() for line in stream if line.strip()]
     errors = [line for line in lines if any(word in line for word in ("FATAL", "ERROR", "Error", "REQUIRED"))]

@@ -1,4 +1,4 @@
-"""Messages of a running graph, or of a bag, to the events of a drive: one table serves both."""
+"""Conversion of messages, of a running graph or of a bag, to the events of a drive."""
 
 from __future__ import annotations
 
@@ -22,25 +22,25 @@ STATES: Dict[int, str] = {
     value: name for name, value in vars(GoalStatus).items() if name.isupper() and value in range(10)
 }
 GOAL_ACTIONS = ("move_base", "move_base_flex/move_base", "move_base_flex/exe_path")
-"""Actions that drive. A relayed goal shows in two of them, so the one that saw most tells the goals:
-a client's first goal can be gone before a recorder has connected to it."""
+"""Actions that drive. A relayed goal appears in two of them; the goals of the action with the most are used, since a
+client's first goal can be published before a recorder has connected to it."""
 SCAN_PERIOD = 0.5
 MAP, ODOM = "map", "odom"
-"""Frames by the names that REP 105 gives them; a robot in a namespace has its own odom below a prefix of that name."""
+"""Frames of REP 105; for a robot in a namespace, odom is prefixed by it."""
 OF_ALL = ("tf", "tf_static", MAP)
-"""Topics that robots in namespaces share."""
+"""Topics that all robots share, whatever their namespaces."""
 
 
 class DriveEvents:
-    """Turns messages into the events of a drive; `handle` takes them in their order, from one thread at a time.
+    """Turns messages into the events of a drive; `handle` takes them in order, from one thread at a time.
 
     Args:
-        namespace: Of the robot, where it is one of several; frames have it for a prefix.
+        namespace: The robot's namespace, also the prefix of its frames; empty for a single robot.
     """
 
     def __init__(self, namespace: str = "") -> None:
         self._odom_frame = f"{namespace}/{ODOM}" if namespace else ODOM
-        self._base = ""  # the robot's frame: what odometry tells of first, base_footprint or base_link
+        self._base = ""  # the robot's base frame: the first child of odom, base_footprint or base_link
         self._log = DriveLog()
         self._goal_logs = {action: DriveLog() for action in GOAL_ACTIONS}
         self._buffer = tf2_ros.BufferCore(rospy.Duration(30.0))
@@ -61,17 +61,16 @@ class DriveEvents:
             self.handlers[f"{action}/result"] = partial(self._result, action)
 
     def handle(self, topic: str, message: Any, now: float) -> None:
-        """Take one message that came at `now` (s); topics it does not know and messages that mean nothing are left out.
+        """Take one message, received at `now` (s).
 
-        So is another system's topic of one of these names, with messages of another type.
-
-        Where the clock was set back the drive begins anew, with the goals that run: to one time belong two places.
+        Unknown topics, invalid messages and messages of another type than expected are left out. Where the clock was
+        set back, the drive starts again with the active goals: one time would have two poses.
         """
         if now < self._now:
             rospy.logwarn("the clock was set back by %.2f s: the report begins again from there", self._now - now)
             self._log = self._log.begun_anew(now)
             self._goal_logs = {action: log.begun_anew(now) for action, log in self._goal_logs.items()}
-            self._buffer.clear()  # but for what never moves
+            self._buffer.clear()  # keeps static transforms
             self._last_scan = -np.inf
         self._now = now
         handler = self.handlers.get(topic.lstrip("/"), self._plan if topic.endswith("/plan") else None)
@@ -101,11 +100,11 @@ class DriveEvents:
             parent, child = stamped.header.frame_id, stamped.child_frame_id
             stamp = stamped.header.stamp.to_sec()
             pose = conversions.transform_from_message(stamped.transform)
-            # Messages out of a bag are of classes made for it, which tf2 warns of; the planar part is all that is used.
+            # tf2 warns of the message classes that rosbag generates; only the planar part is used.
             planar = TransformStamped(conversions.header(parent, stamp), child, conversions.transform_to_message(pose))
             (self._buffer.set_transform_static if static else self._buffer.set_transform)(planar, "drive")
             if (parent, child) == (MAP, self._odom_frame):
-                # Localization dates its correction ahead; it counts from now on.
+                # amcl dates map -> odom ahead by transform_tolerance; it holds from now on.
                 self._log.add_correction(min(stamp, now), pose)
             elif parent == self._odom_frame and not static and child == (self._base or child):
                 self._base = child
@@ -133,7 +132,7 @@ class DriveEvents:
         self._log.add_truth(message.header.stamp.to_sec(), conversions.pose_from_message(message.pose.pose))
 
     def _contacts(self, message: Any, now: float) -> None:
-        # The simulator tells contacts as markers, which every system has messages for; `text` names the body.
+        # The simulator publishes contacts as markers, a type that every system has; `text` names the body.
         for marker in message.markers:
             self._log.add_contact(now, marker.pose.position.x, marker.pose.position.y, marker.text)
 
@@ -172,11 +171,12 @@ def read_bag(path: str, namespace: str = "") -> Tuple[Drive, List[str]]:
     """Return the drive recorded in a bag and the topics it was made of.
 
     Args:
-        path: The bag's.
-        namespace: Of the robot, where it is one of several.
+        path: Path of the bag.
+        namespace: The robot's namespace; empty for a single robot.
 
     Raises:
-        OSError, ValueError: The file is missing, or no bag or a broken one.
+        OSError: The file cannot be opened.
+        ValueError: It is no bag, or a damaged one.
     """
     namespace = namespace.strip("/")
     events = DriveEvents(namespace)
@@ -191,16 +191,16 @@ def read_bag(path: str, namespace: str = "") -> Tuple[Drive, List[str]]:
 
 
 def robots_in(path: str) -> List[str]:
-    """Return the namespaces of the robots in a bag: of whatever there is odometry of."""
+    """Return the namespaces of the robots in a bag: those with a topic odom."""
     with open_bag(path) as bag:
         names = [topic.lstrip("/") for topic in bag.get_type_and_topic_info().topics]
     return sorted(name[:-len(f"/{ODOM}")] for name in names if name.endswith(f"/{ODOM}"))
 
 
 def _own_name(topic: str, namespace: str) -> str:
-    """Return what a topic is called within a robot's namespace, empty for what is another's.
+    """Return a topic's name relative to a robot's namespace; empty for another robot's topic.
 
-    A name without a slash is that of a recorder in the robot's namespace.
+    A name without a leading slash was recorded from within the robot's namespace.
     """
     name = topic.lstrip("/")
     if not namespace or name == topic or name in OF_ALL:

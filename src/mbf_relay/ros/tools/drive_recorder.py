@@ -1,4 +1,4 @@
-"""Records the drive of a running graph."""
+"""Recording of a drive from the topics of a running graph."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ FEEDBACK_TOPIC = "move_base_flex/move_base/feedback"
 
 
 class DriveRecorder:
-    """Subscribes to whatever tells of a drive and hands it to DriveEvents.
+    """Subscribes to the topics of a drive and passes their messages to DriveEvents.
 
     Args:
-        plan_topics: Topics of global plans, beside the fixed ones.
+        plan_topics: Topics of global plans, in addition to the fixed topics.
     """
 
     def __init__(self, plan_topics: Iterable[str] = ()) -> None:
@@ -30,7 +30,7 @@ class DriveRecorder:
         self._subscribers = [self._subscribe(topic) for topic in topics]
 
     def goals(self) -> List[GoalRecord]:
-        """Return the goals so far, in the order they came."""
+        """Return the goals so far, in the order of their arrival."""
         with self._lock:
             return self._events.goals()
 
@@ -41,7 +41,7 @@ class DriveRecorder:
 
     @property
     def distance_left(self) -> Optional[float]:
-        """Distance (m) to the goal that runs as the server last said it, None while it plans."""
+        """Distance (m) to the active goal by the server's last feedback, None until there is one."""
         return self._distance
 
     @property
@@ -50,7 +50,7 @@ class DriveRecorder:
         return self._speed
 
     def close(self) -> None:
-        """Stop listening."""
+        """Unsubscribe."""
         for subscriber in self._subscribers:
             subscriber.unregister()
 

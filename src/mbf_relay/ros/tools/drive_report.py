@@ -1,4 +1,4 @@
-"""The command that makes a report of any bag of a drive."""
+"""drive_report.py: make a report of a recorded drive."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from mbf_relay.whole_files import write_whole
 
 
 def main(arguments: Optional[Sequence[str]] = None) -> None:
-    """Read a bag and leave report.json, report.png and report.html; exit 1 with one line where that cannot be done."""
+    """Read a bag and write report.json, report.png and report.html; exit with 1 and one line on an error."""
     parser = argparse.ArgumentParser(
         description="Make a report (report.json, report.png, report.html) of a recorded drive. The bag needs tf; map, "
         "scan, odom, cmd_vel, plans, ground_truth and the goals and results of move_base or move_base_flex are shown "
@@ -51,10 +51,10 @@ def main(arguments: Optional[Sequence[str]] = None) -> None:
 
 
 def write_report(drive: Drive, folder: str) -> List[str]:
-    """Write the three files of a report into a folder, made where it is missing, and return their paths.
+    """Write the three files of a report into a folder, which is created if missing; return their paths.
 
     Raises:
-        OSError: One cannot be written; those before it stand.
+        OSError: A file cannot be written; those before it have been.
     """
     os.makedirs(folder, exist_ok=True)
     paths = [os.path.join(folder, f"report.{ending}") for ending in ("json", "png", "html")]

@@ -1,4 +1,4 @@
-"""Parameters out of YAML and launch files, each with the place it was read from."""
+"""Parameters read from YAML and launch files, each with its file and line."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ if TYPE_CHECKING:
 TYPES = {
     "move_base": "move_base", "mbf_costmap_nav": "move_base_flex", "move_base_flex": "move_base_flex", "amcl": "amcl",
 }
-"""Executables whose parameters are looked at, each with the one here that takes its place."""
+"""Executables whose parameters are checked, each with the node of this package that replaces it."""
 COMPOSE = "compose"
-"""The executable that several nodes are forked from, as its arguments say: `-- NODE [ARGUMENT...] -- NODE ...`."""
+"""The executable that runs several nodes, given as its arguments: `-- NODE [ARGUMENT...] -- NODE ...`."""
 NAMED = "__name:="
 DEEPEST_INCLUDE = 20
 CONTROL = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f]")
@@ -32,13 +32,13 @@ CONTROL = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f]")
 
 @dataclass
 class ParameterSource:
-    """What stands under a node, and where each value was read.
+    """The parameters in a namespace, and where each was read.
 
     Attributes:
-        values: Nested as in the files.
+        values: Values, nested as in the files.
         places: "FILE:LINE" by the parameter's name, its parts joined by slashes.
-        trouble: What the files give cause for: name and text each.
-        missing: What should have been read and is not here: the name it was for and a sentence each.
+        trouble: Doubts about the files themselves: parameter's name and text.
+        missing: Files and values that could not be read: the namespace they are for, and the reason.
     """
 
     values: Dict[str, Any] = field(default_factory=dict)
@@ -59,7 +59,7 @@ class ParameterSource:
         self.places["/".join([*groups, last])] = place
 
     def below(self, name: str) -> ParameterSource:
-        """Return what stands in a group, with names from there on; missing is also what may have held some of it."""
+        """Return a group as a source, names relative to it; `missing` includes all that may have set its parameters."""
         values: Any = self.values
         for part in name.split("/"):
             values = values.get(part, {}) if isinstance(values, dict) else {}
@@ -76,7 +76,7 @@ class ParameterSource:
             cut(self.trouble), cut(self.missing) + above)
 
     def place(self, name: str) -> str:
-        """Return where a parameter was read; where it has no place of its own, that of the group it is in."""
+        """Return "FILE:LINE" of a parameter, else of one below it, else of its group; empty where there is none."""
         while name:
             if name in self.places:
                 return self.places[name]
@@ -88,7 +88,7 @@ class ParameterSource:
 
 
 class LaunchedNode(NamedTuple):
-    """A node that is launched: its name, its type here, and its parameters."""
+    """A node of a launch file: its name, its type in this package, and its parameters."""
 
     name: str
     type: str
@@ -96,16 +96,16 @@ class LaunchedNode(NamedTuple):
 
     @property
     def is_server(self) -> bool:
-        """Whether it plans and drives: without all it needs there is nothing to tell, while others are left out."""
+        """Whether it plans and drives: a file missing for it is an error, while amcl would only be left out."""
         return self.type != "amcl"
 
 
 class Launch(NamedTuple):
-    """What there is in a launch file and its includes.
+    """The contents of a launch file and its includes.
 
     Attributes:
-        nodes: Those of TYPES.
-        not_read: What is not here and no server needs, a sentence each.
+        nodes: The nodes of TYPES.
+        not_read: A sentence for each file or value that is missing and that no server needs.
     """
 
     nodes: List[LaunchedNode]
@@ -119,12 +119,12 @@ def read_yaml(
 
     Args:
         path: The file.
-        namespace: Below the node; empty for its own.
-        source: Takes them.
-        substitute: Of $(…) in the text.
+        namespace: Namespace of the values in the source; empty for its root.
+        source: Takes the values.
+        substitute: Function that resolves $(…) in the file's text.
 
     Raises:
-        ValueError: It is no YAML, or holds no group; the text names file and line.
+        ValueError: It is no valid YAML, or no mapping at the top; the text names file and line.
         OSError: It cannot be read.
     """
     add_yaml(substitute(files.read_text(path)), path, namespace, source)
@@ -140,7 +140,7 @@ def add_yaml(text: str, path: str, namespace: str, source: ParameterSource) -> N
         root = loader.get_single_node()
         if root is None:
             return
-        values = files.parse_yaml(text)  # within its bounds
+        values = files.parse_yaml(text)  # checks size and depth
         if not isinstance(values, Mapping):
             raise ValueError(f"{path}:{root.start_mark.line + 1}: it holds {values!r} and no names")
         _add(root, loader, namespace, path, source)
@@ -153,15 +153,15 @@ def add_yaml(text: str, path: str, namespace: str, source: ParameterSource) -> N
 
 
 def _add(node: Any, loader: Any, namespace: str, path: str, source: ParameterSource) -> None:
-    """Add what stands in a mapping, group by group.
+    """Add the values of a YAML mapping, group by group.
 
     Args:
-        node, loader: The mapping, and what makes values of its nodes.
-        namespace, path: Of the mapping, and of its file.
+        node, loader: The mapping's YAML node, and the loader that constructs its values.
+        namespace, path: Namespace of the mapping, and path of its file.
         source: Takes the values.
     """
     seen: Dict[str, int] = {}
-    written = {id(key) for key, _ in node.value}  # others come from a group that is merged in, to be overridden
+    written = {id(key) for key, _ in node.value}  # other keys come from a merge (<<) and may be overridden
     loader.flatten_mapping(node)
     for key, value in node.value:
         name = str(loader.construct_object(key, deep=True)).strip("/")
@@ -177,14 +177,14 @@ def _add(node: Any, loader: Any, namespace: str, path: str, source: ParameterSou
 
 
 def read_launch(path: str, given: Mapping[str, str]) -> Launch:
-    """Return the servers that a launch file launches, its includes' among them.
+    """Return the nodes of TYPES that a launch file and its includes launch.
 
     Args:
         path: The file.
-        given: Arguments by name.
+        given: Values of the launch file's arguments, by name.
 
     Raises:
-        ValueError: It cannot be understood, or what a server needs is not here; the text names the file.
+        ValueError: It is invalid, or a server's file or value is missing; the text names the file.
         OSError: It or a file it names cannot be read.
     """
     from mbf_relay.ros.tools.substitution import Substitution
@@ -194,21 +194,21 @@ def read_launch(path: str, given: Mapping[str, str]) -> Launch:
 
 
 def arguments_of(path: str) -> List[str]:
-    """Return the names of the arguments that a launch file declares; errors as of `read_launch`."""
+    """Return the names of the arguments that a launch file declares; errors as for `read_launch`."""
     root = files.read_xml(path)
     passed_on = {id(argument) for include in root.iter("include") for argument in include}
     return [element.get("name") or "" for element in root.iter("arg") if id(element) not in passed_on]
 
 
 def check_argument(name: str, paths: Sequence[str]) -> None:
-    """Raise ValueError where none of the launch files declares an argument, which roslaunch then does not take."""
+    """Raise ValueError where no launch file declares an argument, which roslaunch would refuse."""
     declared = sorted({argument for path in paths for argument in arguments_of(path)})
     if name not in declared:
         raise ValueError(f"'{name}' is no argument of {', '.join(paths)}{did_you_mean(nearest_of(name, declared))}")
 
 
 def _joined(*names: str) -> str:
-    """Return a full name, without its first slash: names within each other, of which an absolute one stands alone."""
+    """Return names joined by slashes, without a leading one; those before an absolute name are dropped."""
     full = ""
     for name in names:
         full = name if name.startswith("/") else f"{full}/{name}"
@@ -216,7 +216,7 @@ def _joined(*names: str) -> str:
 
 
 class _LaunchReader:
-    """Reads one launch file, as roslaunch does, as far as parameters of servers go."""
+    """Reads from a launch file what sets parameters of nodes of TYPES, as roslaunch does."""
 
     def __init__(
         self, path: str, substitution: Substitution, namespace: str, depth: int, parameters: ParameterSource,
@@ -225,11 +225,11 @@ class _LaunchReader:
         """Read it.
 
         Args:
-            path, depth: The file, and by how many includes it was reached.
-            substitution: With the arguments given from outside; defaults in the file come second.
-            namespace: It is included in.
-            parameters: Takes what is set, by full names: the last of one name holds, as on the parameter server.
-            launch: Takes the rest of what is found.
+            path, depth: The file, and the number of includes that led to it.
+            substitution: Has the arguments given from outside, which override the file's defaults.
+            namespace: Namespace in which the file is included.
+            parameters: Takes parameters by their full names; later values override earlier ones.
+            launch: Takes nodes, and texts on missing files.
         """
         if depth > DEEPEST_INCLUDE:
             raise ValueError(f"{path}: includes are nested deeper than {DEEPEST_INCLUDE}")
@@ -242,10 +242,10 @@ class _LaunchReader:
         self._walk(root, namespace)
 
     def launch(self) -> Launch:
-        """Return what was found, each server with all that was set for it, before and after it and within.
+        """Return the nodes, each with all its parameters, also those set outside of its element.
 
         Raises:
-            ValueError: A file that may hold some of it is not here; the text names it.
+            ValueError: A file that may set a server's parameters is missing; the text names it.
         """
         nodes = [node._replace(source=self._parameters.below(node.name)) for node in self._launch.nodes]
         not_read = list(self._launch.not_read)
@@ -287,7 +287,7 @@ class _LaunchReader:
         self._launch.nodes.append(node)
 
     def _take_members(self, element: Element, namespace: str) -> None:
-        """Take the servers among the nodes that are forked from one, each by its command line behind a "--"."""
+        """Take the nodes of TYPES that a compose node runs, each with its command line after a "--"."""
         text = self._text(element, "args")
         try:
             arguments = shlex.split(text)
@@ -301,9 +301,9 @@ class _LaunchReader:
                 self._launch.nodes.append(LaunchedNode(name, TYPES[program], self._parameters))
 
     def _take_outside(self, element: Element, namespace: str) -> None:
-        """Take parameters set outside of the node they are for, by their full names.
+        """Take parameters set outside of a node element, by their full names.
 
-        What is not here is missed only by the nodes it may be for, which may be none of the servers.
+        A missing file is an error only for nodes whose parameters it may set.
         """
         full = _joined(namespace, self._text(element, "ns"), self._text(element, "name"))
         try:
@@ -312,12 +312,12 @@ class _LaunchReader:
             self._parameters.missing.append((full, str(error)))
 
     def _take_values(self, element: Element, namespace: str, named: bool = False) -> None:
-        """Add what a <param> or <rosparam> says.
+        """Add the values of a <param> or <rosparam>.
 
         Args:
-            element: That.
-            namespace: It stands in.
-            named: Whether `namespace` holds a <param>'s name already.
+            element: The element.
+            namespace: Its namespace.
+            named: Whether `namespace` includes a <param>'s name already.
         """
         source, (line, line_of_text) = self._parameters, self._lines[element]
         if element.tag == "param" and element.get("value") is not None:
@@ -338,7 +338,7 @@ class _LaunchReader:
                 add_yaml("\n" * (line_of_text - 1) + substitute(element.text), self._path, target, source)
 
     def _value(self, element: Element, line: int) -> Any:
-        """Return what roslaunch makes of a <param>, which stands in that line."""
+        """Return a <param>'s value as roslaunch converts it; errors name the given line."""
         from roslaunch.loader import convert_value
 
         text = self._text(element, "value")
@@ -355,7 +355,7 @@ class _LaunchReader:
             self._substitution.give(name, default, self._substitution)
 
     def _include(self, element: Element, namespace: str) -> None:
-        """Read an included file; one of a package or a robot that is not here is noted, and left out."""
+        """Read an included file; a missing one, as of another package, is noted and left out."""
         from mbf_relay.ros.tools.substitution import Substitution
 
         try:
@@ -393,7 +393,7 @@ class _LaunchReader:
 
 
 def _typed(text: str) -> Any:
-    """Return the value roslaunch makes of a text where no type is given."""
+    """Return a text as roslaunch converts it where no type is given."""
     try:
         return files.parse_yaml(text)
     except ValueError:

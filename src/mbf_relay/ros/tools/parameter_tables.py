@@ -1,4 +1,4 @@
-"""The READMEs' tables of parameters and of launch files' arguments, made from the declarations themselves."""
+"""parameter_tables.py: make the READMEs' tables of parameters and launch arguments from their declarations."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from mbf_relay.parameters import ParameterSet
 
 
 def main() -> None:
-    """Print the tables, or write them between their markers in a file."""
+    """Print the tables, or replace those between the markers in a file."""
     parser = argparse.ArgumentParser(description="Print the tables of all parameters, as Markdown.")
     parser.add_argument("--write", metavar="FILE", help="regenerate the tables between the markers in this file")
     arguments = parser.parse_args()
@@ -36,11 +36,11 @@ def main() -> None:
 
 
 def replaced(text: str, folder: Path) -> str:
-    """Return a document with the tables between its markers made anew.
+    """Return a document with the tables between its markers regenerated.
 
     Args:
-        text: Markdown with the marker of parameters, of launch files, or of both.
-        folder: Where the launch files lie, for a document that has their marker.
+        text: Markdown with the markers of parameters, of launch files, or of both.
+        folder: Folder of the launch files.
 
     Raises:
         ValueError: There is no marker.
@@ -62,7 +62,7 @@ def replaced(text: str, folder: Path) -> str:
 
 
 def launch_tables(folder: Path) -> str:
-    """Return what each launch file does, from its first comment, and one folded table of its arguments."""
+    """Return a folded table of arguments for each launch file, with its first comment as the summary."""
     parts = []
     for path in sorted(folder.glob("*.launch")):
         text = path.read_text(encoding="utf-8")
@@ -85,14 +85,14 @@ def _cell(argument: Element) -> str:
 
 
 def tables() -> str:
-    """Return one folded table for each parameter set of the package."""
+    """Return a folded table for each parameter set of the package."""
     return "\n".join(_table(found) for found in parameter_sets())
 
 
 def parameter_sets() -> List[Type[ParameterSet]]:
-    """Return every parameter set that the package declares, by module and name.
+    """Return all parameter sets of the package, sorted by module and name.
 
-    None stands in a module that cannot be imported for want of another package.
+    Modules that need a missing package cannot be imported and are skipped; none of them declares a parameter set.
     """
     for module in pkgutil.walk_packages(mbf_relay.__path__, "mbf_relay."):
         if module.name.endswith("__main__"):
@@ -107,7 +107,7 @@ def parameter_sets() -> List[Type[ParameterSet]]:
     while pending:
         candidate = pending.pop()
         pending.extend(candidate.__subclasses__())
-        # A set that another one extends is shown there, with what the other adds.
+        # A set with a subclass in the package is shown as part of the subclass.
         extended = any(further.__module__.startswith("mbf_relay.") for further in candidate.__subclasses__())
         if candidate.__module__.startswith("mbf_relay.") and dataclasses.fields(candidate) and not extended:
             found[f"{candidate.__module__}.{candidate.__qualname__}"] = candidate

@@ -1,4 +1,4 @@
-"""The description command: what robot_state_publisher and RViz are to know of a simulated robot."""
+"""robot_description.py: print a simulated robot's URDF, for robot_state_publisher and RViz."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from mbf_relay.simulation.robot_file import load_robot
 
 
 def main(arguments: Optional[Sequence[str]] = None) -> int:
-    """Print the URDF of a robot; return the exit status: 0, or 1 for what a user can mend."""
+    """Print the URDF of a robot; return the exit status: 0, or 1 for an error of the user's."""
     parser = argparse.ArgumentParser(prog="robot_description.py", description="Print a robot's URDF.")
     parser.add_argument(
         "robot", metavar="ROBOT",

@@ -1,4 +1,4 @@
-"""The parameters command: how the package's nodes are to drive another robot than the one their files are for."""
+"""robot_parameters.py: print the parameters with which the package's nodes drive another robot than the burger."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from mbf_relay.simulation.robot import DIFFERENTIAL, FOOTPRINT_FRAME, SCAN_FRAME
 from mbf_relay.simulation.robot_file import load_robot
 
 DIGITS = 4
-"""Behind the point, of what is made of others."""
+"""Decimals of derived values."""
 SCANS_MISSED = 3.0
-"""Periods of the lidar without a scan after which the guard lets the robot stand, as for the burger."""
+"""Scan periods without a scan after which velocity_guard stops the robot, as for the burger."""
 
 
 def parameters_for(robot: RobotModel) -> Dict[str, Any]:
-    """Return what differs from the package's files for a robot, by node, as the launch files take `overrides`."""
+    """Return a robot's parameters that differ from the package's files, by node, as launch files take `overrides`."""
     before = load_settings(files.config_folder())
     after = fitted(before, robot)
     limits = SimulationParameters.from_mapping({**before["simulator"], **robot.settings, "robot": "burger"})
@@ -39,7 +39,7 @@ def parameters_for(robot: RobotModel) -> Dict[str, Any]:
 
 
 def _name_frames(robot: RobotModel, settings: Settings, guard: Dict[str, Any]) -> None:
-    """Have nodes and guard call a robot's frames as its own description does."""
+    """Set the frame names of a robot's description in all nodes' parameters."""
     base, scan = robot.frames.get("base_frame", FOOTPRINT_FRAME), robot.frames.get("scan_frame", SCAN_FRAME)
     settings["amcl"]["base_frame_id"] = settings[SERVER]["robot_frame"] = base
     if base != FOOTPRINT_FRAME:
@@ -50,7 +50,7 @@ def _name_frames(robot: RobotModel, settings: Settings, guard: Dict[str, Any]) -
 
 
 def _changes(before: Mapping[str, Any], after: Mapping[str, Any]) -> Dict[str, Any]:
-    """Return the names and values of `after` that are not those of `before`, groups likewise."""
+    """Return the values of `after` that are not in `before` or differ there, groups recursively."""
     changed: Dict[str, Any] = {}
     for name, value in after.items():
         if isinstance(value, Mapping):
@@ -63,7 +63,7 @@ def _changes(before: Mapping[str, Any], after: Mapping[str, Any]) -> Dict[str, A
 
 
 def main(arguments: Optional[Sequence[str]] = None) -> int:
-    """Print the parameters for a robot; return the exit status: 0, or 1 for what a user can mend."""
+    """Print the parameters for a robot; return the exit status: 0, or 1 for an error of the user's."""
     parser = argparse.ArgumentParser(
         prog="robot_parameters.py", description="Print navigation's parameters for a robot, by node, for overrides:=.")
     parser.add_argument(
