@@ -26,9 +26,12 @@ class DwaParameters(FollowerParameters):
     use_dwa: bool = parameter(
         True, "sample velocities that can be reached within one control period; false samples all that can be reached "
         "within sim_time, and trajectories accelerate to them")
-    vx_samples: int = parameter(3, "number of velocities tried along x; 0 counts as 1", minimum=0)
-    vy_samples: int = parameter(10, "number of velocities tried along y; 0 counts as 1", minimum=0)
-    vth_samples: int = parameter(20, "number of rotational velocities tried; 0 counts as 1", minimum=0)
+    vx_samples: int = parameter(
+        3, "number of velocities tried along x; less than 2 count as 2, the lowest and the highest", minimum=0)
+    vy_samples: int = parameter(
+        10, "number of velocities tried along y; less than 2 count as 2, the lowest and the highest", minimum=0)
+    vth_samples: int = parameter(
+        20, "number of rotational velocities tried; less than 2 count as 2, the lowest and the highest", minimum=0)
 
     path_distance_bias: float = parameter(
         0.6, "weight of the distance from the path; higher keeps closer to it", minimum=0.0)
