@@ -207,7 +207,8 @@ def _make_critics(parameters: DwaParameters) -> List[Critic]:
 
 def _weight(critic: Critic) -> float:
     with failures_of(critic, "critic"):
-        if not isinstance(critic.scale, Real):
-            kind = type(critic.scale).__name__
+        scale = critic.scale
+        if not isinstance(scale, Real):
+            kind = type(scale).__name__
             raise TypeError(f"its scale is of type {kind}; it must be a number, and a @property where it is computed")
-        return float(critic.scale)
+        return float(scale)

@@ -46,11 +46,9 @@ def clearances(world: World, times: np.ndarray, poses: np.ndarray, robot: RobotM
     to_fixed = np.full(len(poses), math.inf)
     hull_clearances(poses, hull, _fixed_outline(world, robot.height), to_fixed)
     to_movers = np.full((len(world.movers), len(poses)), math.inf)
-    for row, mover in zip(to_movers, world.movers):
-        row[:] = _clearances_to(mover, times, poses, hull, robot.height)
     jumps = np.zeros((len(world.movers), max(0, len(times) - 1)), dtype=bool)
-    for index, mover in enumerate(world.movers):
-        jumps[index] = mover.jumps(times)
+    for row, jumped, mover in zip(to_movers, jumps, world.movers):
+        row[:], jumped[:] = _clearances_to(mover, times, poses, hull, robot.height), mover.jumps(times)
     return Clearances(np.minimum(to_fixed, to_movers.min(axis=0, initial=math.inf)), to_movers, jumps)
 
 
@@ -94,7 +92,7 @@ def _fixed_outline(world: World, tall: float) -> np.ndarray:
     triangles, owners = world.fixed_triangles()
     lowest, highest = bounds(triangles[:, :, 2])
     starts = np.flatnonzero(np.diff(owners, prepend=-1))  # each body's triangles follow one another
-    low, high = (f.reduceat(z, starts) if len(starts) else z for f, z in ((np.minimum, lowest), (np.maximum, highest)))
+    low, high = np.minimum.reduceat(lowest, starts), np.maximum.reduceat(highest, starts)
     segments = [world.outline(tall / 2.0)]
     ends = np.append(starts[1:], len(triangles))
     for index in np.flatnonzero((high <= tall / 2.0) | (low > tall / 2.0)):

@@ -121,11 +121,11 @@ def _of_what_is_driven_by(group: Mapping[str, Any]) -> Iterator[Doubt]:
     seeing = [(name, kind.groups(values)) for name, kind, values in _layers(group)
               if issubclass(kind, ObstacleLayerParameters)]
     eyes = _seeing_layers(group)
-    if eyes and all(values.get("enabled") is False for values in eyes.values()):
-        yield f"{next(iter(eyes))}/enabled", f"is False, {BLIND}"
     if not eyes:
         yield "plugins", (f"lists no layer that takes what a sensor sees, {BLIND}; the list replaces all other layers, "
                           "and the costmap's own observation_sources are not read beside it")
+    elif all(values.get("enabled") is False for values in eyes.values()):
+        yield f"{next(iter(eyes))}/enabled", f"is False, {BLIND}"
     for name, sources in seeing:
         if not sources:
             named = {name for name, _type, _values in layer_groups(group)}

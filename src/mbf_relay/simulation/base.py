@@ -110,8 +110,8 @@ class Base:
         Parts that are meshes, as polygons and all bodies from URDFs are, make one convex hull with the wheels.
         """
         robot = self._robot
+        rim = Cylinder(robot.wheels.radius - RIM_CLEARANCE, robot.wheels.width)
         if not all(isinstance(part.shape, (Box, Cylinder)) for part in robot.body):
-            rim = Cylinder(robot.wheels.radius - RIM_CLEARANCE, robot.wheels.width)
             hubs = [Frame.of(x, y, robot.axle_height).compose(WHEEL_AXLE) for x, y in robot.wheel_places()]
             solids = [(part.shape, part.frame) for part in robot.body] + [(rim, hub) for hub in hubs]
             corners = [frame.transform_points(shape.triangles().reshape(-1, 3)) for shape, frame in solids]
@@ -127,7 +127,7 @@ class Base:
                 shapes.append(dict(kind=pybullet.GEOM_BOX, half=[side / 2.0 for side in shape.size], place=place))
             elif isinstance(shape, Cylinder):
                 shapes.append(dict(kind=pybullet.GEOM_CYLINDER, radius=shape.radius, length=shape.height, place=place))
-        wheel = dict(kind=pybullet.GEOM_CYLINDER, radius=robot.wheels.radius - RIM_CLEARANCE, length=robot.wheels.width)
+        wheel = dict(kind=pybullet.GEOM_CYLINDER, radius=rim.radius, length=rim.height)
         shapes += [dict(wheel, place=((x, y, robot.axle_height), AXLE)) for x, y in robot.wheel_places()]
         hull: int = pybullet.createCollisionShapeArray(
             shapeTypes=[shape["kind"] for shape in shapes],
