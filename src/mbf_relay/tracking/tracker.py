@@ -17,6 +17,7 @@ from mbf_relay.tracking.track import Track
 from mbf_relay.tracking.tracker_kernels import (
     BELIEF,
     COLUMNS,
+    CONVINCED,
     NUMBER,
     POSITION,
     RADIUS,
@@ -28,13 +29,8 @@ from mbf_relay.tracking.tracker_kernels import (
     Y,
 )
 
-GATE = 9.0  # squared Mahalanobis distance up to which a cluster is associated with an object
-SURPRISE = 3.0  # squared Mahalanobis distance from its prediction above which a moving object has stopped or turned
 FIRST_SPEED = 0.5  # m/s, standard deviation of a new object's velocity
-DEPTH = 0.08  # m beyond a point that an earlier scan must have seen for the point to have been free
-ASIDE = 0.05  # m to both sides of the point that it must have seen past as well, as scans are not aligned exactly
 LONGER = 2.5  # factor on track_memory for a second, older scan: a slow object covers its own place in the first one
-CONVINCED, MOST_CONVINCED = 2, 5  # belief (scans in favour of motion less those against) to count as moving; its limit
 HIDDEN_PATIENCE = 3.0  # factor on track_patience for a moving object that is occluded
 HIDDEN_NOISE = 4.0  # factor on track_noise where an object is partly occluded
 
@@ -148,10 +144,8 @@ class Tracker:
         self._drop_old_scans(stamp)
         noises = self._noises(clusters)
         taken = np.empty(len(noises), np.int64)
-        tracker_kernels.associate(
-            self._things, clusters.discs, noises, GATE, elapsed or 0.0, CONVINCED, taken)
-        tracker_kernels.correct(
-            self._things, clusters.discs, noises, taken, stamp, elapsed or 0.0, SURPRISE, CONVINCED)
+        tracker_kernels.associate(self._things, clusters.discs, noises, elapsed or 0.0, taken)
+        tracker_kernels.correct(self._things, clusters.discs, noises, taken, stamp, elapsed or 0.0)
         self._judge(clusters, taken, rays)
         self._begin(clusters.discs, noises, taken, stamp)
         self._forget(rays, stamp)
@@ -200,10 +194,12 @@ class Tracker:
             rays: The scan.
         """
         self.moving = np.zeros(len(rays.hits), dtype=bool)
-        memory = self.parameters.track_memory
+        was_free = np.zeros(len(rays.hits), dtype=bool)
+        for factor in (1.0, LONGER):
+            depths = self._seen_before(factor * self.parameters.track_memory)
+            tracker_kernels.mark_free(*depths, rays.ends, was_free)
         tracker_kernels.judge(
-            self._things, clusters.discs, taken, rays.ends, clusters.runs, clusters.order, *self._seen_before(memory),
-            *self._seen_before(LONGER * memory), self.parameters.track_slowest, DEPTH, ASIDE, CONVINCED, MOST_CONVINCED,
+            self._things, clusters.discs, taken, clusters.runs, clusters.order, was_free, self.parameters.track_slowest,
             self.moving)
 
     def _drop_old_scans(self, stamp: float) -> None:

@@ -15,16 +15,22 @@ from mbf_relay.kernels import kernel
 
 X, Y, VX, VY = 0, 1, 2, 3
 POSITION, CROSS, VELOCITY = 4, 5, 6  # variance of position, its covariance with velocity, variance of velocity
-RADIUS, SEEN, BELIEF, NUMBER = 7, 8, 9, 10  # m; time (s) of the last cluster; see Tracker's CONVINCED; track number
+RADIUS, SEEN, BELIEF, NUMBER = 7, 8, 9, 10  # m; time (s) of the last cluster; see CONVINCED; track number
 COLUMNS = 11
 
+CONVINCED = 2.0  # belief (scans in favour of motion less those against) from which on an object counts as moving
+_MOST_CONVINCED = 5.0  # largest belief
+_GATE = 9.0  # squared Mahalanobis distance up to which a cluster is associated with an object
+_SURPRISE = 3.0  # squared Mahalanobis distance from its prediction above which a moving object has stopped or turned
+_DEPTH = 0.08  # m beyond a point that an earlier scan must have seen for the point to have been free
+_ASIDE = 0.05  # m to both sides of the point that it must have seen past as well, as scans are not aligned exactly
 _SEEN_EMPTY = 0.25  # share of an object's readings at places that were free before, from which on it has come there
 _SURE = 1.0  # standard deviations by which a velocity must differ from zero; low, as free space is the stricter test
 _HALF_HIDDEN = 0.2  # what a scan without motion counts against a moving object that is partly occluded
 _IN_VIEW = 0.1  # rad, largest angle between a direction and the nearest beam for which that direction was in view
 _BASE = 0.08  # m, least distance of two readings of a wall that define its direction in spite of noise
 _WIDEST = 0.3  # m, largest distance between them; farther apart they may belong to two objects
-_ASIDE = 4  # readings to either side among which they are searched
+_TRIES = 4  # readings to either side among which they are searched
 
 
 @kernel("void(float64[:,::1], float64, float64, float64, float64, float64)")
@@ -45,18 +51,16 @@ def predict(things, elapsed, squared, position_noise, cross_noise, velocity_nois
         things[n, VELOCITY] = velocity + velocity_noise
 
 
-@kernel("void(float64[:,::1], float64[:,::1], float64[::1], float64, float64, float64, int64[::1])")
-def associate(things, discs, noises, gate, elapsed, convinced, taken):
+@kernel("void(float64[:,::1], float64[:,::1], float64[::1], float64, int64[::1])")
+def associate(things, discs, noises, elapsed, taken):
     """Associate clusters with objects, greedily by rising Mahalanobis distance; of equal pairs, the first.
 
     Args:
         things: The objects, shape (N, 11).
         discs: The clusters, shape (K, 4).
         noises: Variances (m^2) of their centres, shape (K,).
-        gate: Largest squared Mahalanobis distance.
         elapsed: Time since the last scan (s). The gate of a moving object is wider by twice its way in that time, which
             is how far it is off its prediction if it has turned back.
-        convinced: Belief from which on an object moves.
         taken: Written: the object of each cluster, -1 for none, shape (K,).
     """
     count = discs.shape[0]
@@ -65,13 +69,13 @@ def associate(things, discs, noises, gate, elapsed, convinced, taken):
     pairs = 0
     for n in range(things.shape[0]):
         turned = 0.0
-        if things[n, BELIEF] >= convinced:
+        if things[n, BELIEF] >= CONVINCED:
             turned = 2.0 * elapsed * math.hypot(things[n, VX], things[n, VY])
         for k in range(count):
             across, up = things[n, X] - discs[k, 0], things[n, Y] - discs[k, 1]
             squared, total = across * across + up * up, things[n, POSITION] + noises[k]
             distance = squared / total
-            if not (distance <= gate or squared <= (turned + math.sqrt(gate * total)) ** 2):
+            if not (distance <= _GATE or squared <= (turned + math.sqrt(_GATE * total)) ** 2):
                 continue
             if pairs == near.shape[0]:
                 near, distances = np.append(near, np.empty_like(near)), np.append(distances, np.empty_like(distances))
@@ -89,18 +93,17 @@ def associate(things, discs, noises, gate, elapsed, convinced, taken):
             free[n] = False
 
 
-@kernel("void(float64[:,::1], float64[:,::1], float64[::1], int64[::1], float64, float64, float64, float64)")
-def correct(things, discs, noises, taken, stamp, elapsed, surprise, convinced):
+@kernel("void(float64[:,::1], float64[:,::1], float64[::1], int64[::1], float64, float64)")
+def correct(things, discs, noises, taken, stamp, elapsed):
     """Update the objects' states and radii by their clusters.
+
+    Where a moving object has stopped or turned, the variance of its velocity is first raised by its squared speed.
 
     Args:
         things: The objects, shape (N, 11), changed.
         discs, noises, taken: See `associate`; a disc's last column is 0 where it is partly occluded.
         stamp: Time (s).
         elapsed: Time since the last scan (s).
-        surprise: Squared Mahalanobis distance above which a moving object has stopped or turned; the variance of its
-            velocity is then raised by its squared speed.
-        convinced: Belief from which on an object moves.
     """
     for k in range(discs.shape[0]):
         n = taken[k]
@@ -109,7 +112,7 @@ def correct(things, discs, noises, taken, stamp, elapsed, surprise, convinced):
         position, cross, velocity = things[n, POSITION], things[n, CROSS], things[n, VELOCITY]
         total = position + noises[k]
         across, up = discs[k, 0] - things[n, X], discs[k, 1] - things[n, Y]
-        if things[n, BELIEF] >= convinced and across * across + up * up > surprise * total:
+        if things[n, BELIEF] >= CONVINCED and across * across + up * up > _SURPRISE * total:
             turned = things[n, VX] * things[n, VX] + things[n, VY] * things[n, VY]
             position += elapsed * elapsed * turned
             cross += elapsed * turned
@@ -169,27 +172,26 @@ def _turn(one, other):
     return min(turn, 2.0 * math.pi - turn)
 
 
-@kernel("boolean(float64, float64, float64, float64, float64[::1], float64[::1], float64, float64)")
-def _sees_past(x, y, sensor_x, sensor_y, directions, depths, margin, aside):
-    """Return whether a scan saw a point as free: beyond it by `margin` (m), and within `aside` (m) to both sides.
+@kernel("boolean(float64, float64, float64, float64, float64[::1], float64[::1])")
+def _sees_past(x, y, sensor_x, sensor_y, directions, depths):
+    """Return whether a scan saw a point as free: beyond it by _DEPTH, and within _ASIDE to both sides.
 
     Args:
         x, y: The point (m).
         sensor_x, sensor_y: Position of the sensor (m).
-        directions, depths: The scan; see `arrange`.
-        margin, aside: See `judge`.
+        directions, depths: The scan, of one ray at least; see `arrange`.
     """
     across, up = x - sensor_x, y - sensor_y
     bearing, distance = math.atan2(up, across), math.hypot(across, up)
     count = directions.shape[0]
     nearest = _first_not_below(directions, bearing) % count
-    if _turn(directions[nearest], bearing) >= _IN_VIEW or distance <= aside:
+    if _turn(directions[nearest], bearing) >= _IN_VIEW or distance <= _ASIDE:
         return False
-    width = math.asin(aside / distance)
+    width = math.asin(_ASIDE / distance)
     for way in (-1, 1):
         index = nearest
         for _ in range(count):
-            if depths[index] <= distance + margin:
+            if depths[index] <= distance + _DEPTH:
                 return False
             index = (index + way) % count
             if _turn(directions[index], bearing) > width:
@@ -197,54 +199,54 @@ def _sees_past(x, y, sensor_x, sensor_y, directions, depths, margin, aside):
     return True
 
 
+@kernel("void(float64, float64, float64[::1], float64[::1], float64[:,::1], boolean[::1])")
+def mark_free(x, y, directions, depths, ends, was_free):
+    """Mark the points that an earlier scan saw as free.
+
+    Args:
+        x, y, directions, depths: The scan: position of the sensor (m), and see `arrange`; empty for none.
+        ends: The points (m), shape (R, 2).
+        was_free: Set to True for these points, shape (R,).
+    """
+    if directions.shape[0] == 0:
+        return
+    for n in range(ends.shape[0]):
+        if not was_free[n]:
+            was_free[n] = _sees_past(ends[n, 0], ends[n, 1], x, y, directions, depths)
+
+
 @kernel(
-    "void(float64[:,::1], float64[:,::1], int64[::1], float64[:,::1], int64[:,::1], int64[::1], float64, float64,"
-    " float64[::1], float64[::1], float64, float64, float64[::1], float64[::1], float64, float64, float64, int64,"
-    " int64, boolean[::1])")
-def judge(
-    things, discs, taken, ends, runs, order, x, y, directions, depths, other_x, other_y, other_directions, other_depths,
-    slowest, margin, aside, convinced, most_convinced, moving,
-):
+    "void(float64[:,::1], float64[:,::1], int64[::1], int64[:,::1], int64[::1], boolean[::1], float64, boolean[::1])")
+def judge(things, discs, taken, runs, order, was_free, slowest, moving):
     """Update the objects' belief to move, and mark the readings of moving objects.
 
     Args:
         things: The objects, shape (N, 11), changed.
         discs, taken: See `correct`.
-        ends: End points of the scan's rays (m), shape (R, 2).
         runs, order: The readings of cluster k are order[runs[k, 0]] to order[runs[k, 1] - 1].
-        x, y, directions, depths: An earlier scan: position of the sensor, and see `arrange`; empty for none.
-        other_x, other_y, other_directions, other_depths: An older one.
+        was_free: Which readings of the scan are at places that an earlier scan saw as free, shape (R,).
         slowest: Speed (m/s) below which an object does not move.
-        margin, aside: Metres beyond a point, and to both sides of it, that an earlier scan must have seen for the point
-            to have been free.
-        convinced, most_convinced: Belief from which on an object moves, and the largest belief.
         moving: Set to True for readings of moving objects, shape (R,).
     """
     for k in range(discs.shape[0]):
         n = taken[k]
         if n < 0:
             continue
+        readings = order[runs[k, 0]:runs[k, 1]]
         speed = math.hypot(things[n, VX], things[n, VY])
         is_fast = speed >= max(slowest, _SURE * math.sqrt(things[n, VELOCITY]))
-        is_known = things[n, BELIEF] >= convinced  # not tested again: one that comes slowly nearer would fail
-        came = is_known
-        first, last = runs[k, 0], runs[k, 1]
-        if is_fast and not is_known:
-            empty = 0
-            for place in range(first, last):
-                end_x, end_y = ends[order[place], 0], ends[order[place], 1]
-                if (directions.shape[0] > 0 and _sees_past(end_x, end_y, x, y, directions, depths, margin, aside)) or (
-                        other_directions.shape[0] > 0
-                        and _sees_past(end_x, end_y, other_x, other_y, other_directions, other_depths, margin, aside)):
-                    empty += 1
-            came = empty / (last - first) >= _SEEN_EMPTY
+        is_known = things[n, BELIEF] >= CONVINCED  # not tested again: one that comes slowly nearer would fail
+        free = 0
+        for reading in readings:
+            free += was_free[reading]
+        came = is_known or free / readings.shape[0] >= _SEEN_EMPTY
         # a partly occluded object seems to stand or to jump
         against = -_HALF_HIDDEN if is_known and not discs[k, 3] > 0.0 else -1.0
         belief = things[n, BELIEF] + (1.0 if is_fast and came else against)
-        things[n, BELIEF] = min(np.float64(most_convinced), max(0.0, belief))
-        if things[n, BELIEF] >= convinced:
-            for place in range(first, last):
-                moving[order[place]] = True
+        things[n, BELIEF] = min(_MOST_CONVINCED, max(0.0, belief))
+        if things[n, BELIEF] >= CONVINCED:
+            for reading in readings:
+                moving[reading] = True
 
 
 @kernel(
@@ -279,7 +281,7 @@ def pull(x, y, directions, points, solid, at_x, at_y, ends, hits, motion, gate, 
         bearing = math.atan2(place_y - y, place_x - x)
         last = _first_not_below(directions, bearing)
         first = last - 1
-        for _ in range(_ASIDE):
+        for _ in range(_TRIES):
             dx = points[last % count, 0] - points[first % count, 0]
             dy = points[last % count, 1] - points[first % count, 1]
             if dx * dx + dy * dy >= _BASE * _BASE:

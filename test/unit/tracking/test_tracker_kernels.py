@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from mbf_relay.tracking import tracker_kernels as kernels
-from mbf_relay.tracking.tracker_kernels import BELIEF, COLUMNS, RADIUS, SEEN, VELOCITY
+from mbf_relay.tracking.tracker_kernels import BELIEF, COLUMNS, CONVINCED, RADIUS, SEEN, VELOCITY
 
-GATE, SURPRISE, DEPTH, ASIDE, CONVINCED, MOST, HALF_HIDDEN = 9.0, 3.0, 0.08, 0.05, 2, 5, 0.2
+GATE, SURPRISE, DEPTH, ASIDE, MOST, HALF_HIDDEN = 9.0, 3.0, 0.08, 0.05, 5, 0.2
 ELAPSED = 0.2
 SEEDS = pytest.mark.parametrize("seed", range(30))
 
@@ -67,7 +67,7 @@ def test_clusters_are_the_things_nearest_to_them_and_put_them_where_the_filter_d
         things[:, :2] *= 0.1  # many pairs
     discs, noises = random_discs(rng, things, rng.integers(0, 30))
     taken = np.empty(len(discs), np.int64)
-    kernels.associate(things, discs, noises, GATE, ELAPSED, CONVINCED, taken)
+    kernels.associate(things, discs, noises, ELAPSED, taken)
     assert taken.tolist() == plain_association(things, discs, noises).tolist()
 
     expected, known = things.copy(), (taken >= 0).nonzero()[0]
@@ -87,7 +87,7 @@ def test_clusters_are_the_things_nearest_to_them_and_put_them_where_the_filter_d
     radii = expected[which, RADIUS]
     radii = np.where(discs[known, 3] > 0.0, radii + 0.3 * (discs[known, 2] - radii), radii)
     expected[which, RADIUS] = np.maximum(radii, discs[known, 2])
-    kernels.correct(things, discs, noises, taken, 7.5, ELAPSED, SURPRISE, CONVINCED)
+    kernels.correct(things, discs, noises, taken, 7.5, ELAPSED)
     assert (things == expected).all()
 
 
@@ -145,8 +145,8 @@ def test_a_thing_moves_that_is_fast_and_came_to_where_nothing_was(seed):
         thing[BELIEF] = min(MOST, max(0.0, thing[BELIEF] + (1.0 if is_fast and came else against)))
         moves[readings] |= thing[BELIEF] >= CONVINCED
 
-    moving = np.zeros(60, dtype=bool)
-    kernels.judge(
-        things, discs, taken, ends, runs, order, *arranged(*scans[0]), *arranged(*scans[1]), 0.04, DEPTH, ASIDE,
-        CONVINCED, MOST, moving)
-    assert (things == expected).all() and (moving == moves).all()
+    was_free, moving = np.zeros((2, 60), dtype=bool)
+    for scan in scans:
+        kernels.mark_free(*arranged(*scan), ends, was_free)
+    kernels.judge(things, discs, taken, runs, order, was_free, 0.04, moving)
+    assert (was_free == was_empty).all() and (things == expected).all() and (moving == moves).all()
