@@ -76,13 +76,14 @@ def test_a_client_is_told_nothing_of_a_robot_that_is_nowhere(bench):
     assert task.take_feedback() == []
 
 
-def test_it_replans_while_driving_and_keeps_what_was_reached(make_bench):
-    bench = make_bench(scripted.HeldWorker(), planner_frequency=5.0)
+@pytest.mark.parametrize("frequency, plans", [(5.0, range(15, 27)), (0.5, range(3, 4))])
+def test_it_replans_while_driving_and_keeps_what_was_reached(make_bench, frequency, plans):
+    bench = make_bench(scripted.HeldWorker(), planner_frequency=frequency)
     arrive(bench)
     task = bench.navigator.move_base(GOAL)
     bench.run(lambda: task.done, period=0.05)  # calls take half a control period
     assert task.ending is Ending.SUCCEEDED
-    assert 15 <= bench.script.calls["plan"] <= 26
+    assert bench.script.calls["plan"] in plans
     assert [new for _path, new in bench.script.paths].count(True) == 1
     assert STOP not in bench.robot.sent[:-1]
 
@@ -259,6 +260,20 @@ def test_five_hundred_goals_one_after_the_other(held_bench):
             bench.robot.pose = Pose2D(0.0, 0.0, 0.0)
     assert bench.finish(tasks[-1]).outcome is NavigateOutcome.SUCCESS
     assert all(task.ending is Ending.CANCELED for task in tasks[:-1])
+
+
+def test_a_new_goal_called_off_before_it_has_a_path_stops_the_drive_to_the_old_one(held_bench):
+    """Nobody's goal was left, and the robot would drive on to where it had been sent before."""
+    bench = held_bench
+    bench.script.velocity = FORWARD
+    bench.navigator.move_base(GOAL)
+    bench.run(lambda: bench.robot.sent)
+    task = bench.navigator.move_base(NavigateGoal(FramedPose(Pose2D(2.0, 0.0, 0.0), "map")))
+    bench.navigator.update(bench.now)
+    assert bench.robot.sent[-1] == FORWARD
+    task.cancel()
+    bench.step()
+    assert task.ending is Ending.CANCELED and bench.robot.sent[-1] == STOP and bench.navigator.idle
 
 
 @pytest.mark.parametrize("steps", range(12))

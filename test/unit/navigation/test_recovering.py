@@ -238,6 +238,21 @@ def test_oscillation_is_recovered_from_and_named_at_last(make_bench):
     assert bench.script.calls["R1"] == bench.script.calls["R2"] == 1
 
 
+@pytest.mark.parametrize("trouble", ["oscillation", "a blocked path"])
+def test_a_robot_is_told_to_stand_before_it_begins_to_recover(make_bench, trouble):
+    """It drove on as its controller had said last, for a step of navigation more."""
+    bench = make_bench(planner_frequency=5.0, oscillation_timeout=2.0, oscillation_distance=0.3)
+    to_and_fro = itertools.cycle([FORWARD, Twist2D(-0.2, 0.0, 0.0)])
+    bench.script.velocity = lambda state: next(to_and_fro)
+    last = []
+    bench.navigator.recovery_watcher = lambda *_: last.append(bench.robot.sent[-1])
+    bench.navigator.move_base(GOAL)
+    bench.step()
+    if trouble == "a blocked path":
+        bench.script.plan, bench.costmaps["global"].costs[100, 115] = NO_WAY, 254
+    assert bench.run(lambda: last) == [STOP]
+
+
 def test_who_asks_why_a_robot_oscillated_is_told_what_the_controller_said_last(make_bench):
     bench = make_bench(
         oscillation_timeout=1.0, oscillation_distance=0.3, controller_patience=0.0, recovery_enabled=False)
