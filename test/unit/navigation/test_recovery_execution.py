@@ -121,6 +121,7 @@ def test_the_first_behaviour_is_taken_where_none_is_named(bench):
 @pytest.mark.parametrize("error, outcome", [
     (RecoveryError(RecoveryOutcome.IMPASSABLE, "no room to turn"), RecoveryOutcome.IMPASSABLE),
     (TransformError("no transform"), RecoveryOutcome.TF_ERROR),
+    (StaleDataError("odometry is 2.00 s old"), RecoveryOutcome.FAILURE),
 ])
 def test_a_behaviour_that_gives_up_ends_succeeded_with_its_outcome_as_upstream(bench, error, outcome):
     def give_up(context):
@@ -198,6 +199,44 @@ def test_a_robot_does_not_set_off_by_what_a_behaviour_saw_before_it_hung(held_be
     bench.worker.release()  # it cleans up
 
 
+def test_a_behaviour_called_off_in_the_moment_it_ends_ends_once(held_bench):
+    """It ended a second time, an internal error that ends everybody's goals."""
+    bench = held_bench
+    bench.script.recovery = steps(1)
+    task = bench.navigator.recovery(RecoverGoal("R1"))
+    bench.run(lambda: FORWARD in bench.robot.sent)
+    task.cancel()
+    bench.step()
+    assert task.ending is Ending.CANCELED and bench.robot.sent == [FORWARD, STOP]
+
+
+def test_what_was_called_off_before_a_behaviour_that_hung_could_begin_it_is_not_begun(held_bench):
+    bench, task = held_bench, in_its_second_step(held_bench)
+    for _ in range(2):
+        bench.step()
+        task.cancel()
+        bench.step()
+        task = bench.navigator.recovery(RecoverGoal("R1"))
+    for _ in range(3):
+        bench.worker.release()
+    assert bench.script.calls["R1"] == 1 and bench.script.cleaned_up == 1
+
+
+def test_a_server_without_controllers_recovers(make_bench):
+    bench = make_bench(controllers=[])
+    bench.script.recovery = steps(5)
+    assert bench.finish(bench.navigator.recovery(RecoverGoal("R1"))).outcome is RecoveryOutcome.SUCCESS
+    assert bench.robot.sent == [FORWARD] * 5 + [STOP]
+
+
+def test_how_late_the_wheels_are_is_learnt_from_recoveries_too(bench):
+    noted = []
+    bench.robot.note_motion = lambda now, velocity: noted.append((round(now - 1000.0, 3), velocity))
+    bench.script.recovery = steps(2)
+    bench.finish(bench.navigator.recovery(RecoverGoal("R1")))
+    assert noted == [(0.0, STOP), (0.1, FORWARD), (0.2, FORWARD)]
+
+
 def test_patience_ends_a_behaviour_that_never_does(bench):
     bench.script.recovery = steps(10 ** 6)
     started = bench.now
@@ -264,14 +303,16 @@ def test_a_newer_goal_replaces_the_running_one(bench):
     assert bench.finish(second).outcome is RecoveryOutcome.SUCCESS
 
 
-def test_blind_it_stands_until_it_sees_again(bench):
-    bench.script.recovery = steps(10)
+@pytest.mark.parametrize("pause", [[], [STOP]], ids=["under way", "in a pause of the behaviour's own"])
+def test_blind_it_stands_until_it_sees_again(bench, pause):
+    bench.script.recovery = lambda context: iter([FORWARD, *pause, *[FORWARD] * 9])
     task = bench.navigator.recovery(RecoverGoal("R1"))
-    bench.step()
+    for _ in [FORWARD, *pause]:
+        bench.step()
     bench.costmaps["local"].stale = "source 'scan' is 2 s old"
-    bench.step()
-    bench.step()
-    assert bench.robot.sent == [FORWARD, STOP, STOP]
+    for _ in range(3):
+        bench.step()
+    assert bench.robot.sent == [FORWARD, *pause, STOP, STOP, STOP]
     bench.costmaps["local"].stale = None
     bench.finish(task)
     assert bench.robot.sent.count(FORWARD) == 10
