@@ -13,13 +13,13 @@ FALLBACK = Path(f"/var/tmp/mbf_relay-{os.getuid()}")
 NOBODY = 65534
 
 
-def ask(name, folder, **environment):
-    """Call one of the script's own functions with a folder."""
-    function = re.search(
-        rf"^{name}\(\) \{{.*?^\}}", RUN.read_text(encoding="utf-8"), re.MULTILINE | re.DOTALL
-    ).group()
+def ask(name, folder, *others, **environment):
+    """Call one of the script's own functions, which calls some others of them, with a folder."""
+    text = RUN.read_text(encoding="utf-8")
+    functions = [re.search(rf"^{each}\(\) \{{([^\n]*\}}$|.*?^\}})", text, re.MULTILINE | re.DOTALL).group()
+                 for each in (*others, name)]
     return subprocess.run(
-        ["bash", "-uc", f'{function}\n{name} "$1"', "bash", str(folder)],
+        ["bash", "-uc", "\n".join([*functions, f'{name} "$1"']), "bash", str(folder)],
         env={"PATH": os.environ["PATH"], **environment}, stdout=subprocess.PIPE, text=True)
 
 
@@ -42,22 +42,62 @@ def where(**environment):
             FALLBACK.rmdir()
 
 
+class Build:
+    """A checkout with one file of some name, and a build of it."""
+
+    def __init__(self, folder, name):
+        self.workspace, self.edited = folder / "workspace", folder / "checkout" / name
+        self.made = self.workspace / "build" / "stamp"
+        for path in (self.edited, self.made):
+            path.parent.mkdir(parents=True)
+            path.touch()
+        self._environment = {"workspace": str(self.workspace), "checkout": str(folder / "checkout")}
+        self.note()
+        (self.workspace / "building").replace(self.workspace / "built")
+
+    def note(self):
+        """Note what is built now, as each build does before it begins."""
+        found = ask("built_from", "", **self._environment)
+        (self.workspace / "building").write_text(found.stdout)
+
+    def is_built(self):
+        """Return whether all is as it was then."""
+        return ask("is_built", "", "built_from", **self._environment).returncode == 0
+
+    def begin(self):
+        """Begin to build; return whether make, which goes by times, makes anew what is made from the file."""
+        self.note()
+        assert ask("age_build", "", **self._environment).returncode == 0
+        return self.made.stat().st_mtime < self.edited.stat().st_mtime
+
+
 @pytest.mark.parametrize("name, is_to_be_built", [
     ("src/mbf_relay/kernel_build/support.c", True), ("src/mbf_relay/kernels.py", True), ("scripts/amcl", True),
     ("action/srv/CheckPoint.srv", True), ("config/amcl.yaml", False), ("launch/demo.launch", False)])
 def test_what_was_edited_is_built_anew_where_the_build_holds_something_of_it(tmp_path, name, is_to_be_built):
     """The C source that kernels are wrapped in was not: tests of an edit of it passed with what had been built before.
     """
-    workspace, edited = tmp_path / "workspace", tmp_path / "checkout" / name
-    edited.parent.mkdir(parents=True)
-    edited.touch()
-    workspace.mkdir()
-    (workspace / "built").touch()
-    environment = {"workspace": str(workspace), "checkout": str(tmp_path / "checkout")}
-    os.utime(edited, (1e9, 1e9))
-    assert ask("is_built", "", **environment).returncode == 0
-    os.utime(edited, (4e9, 4e9))
-    assert ask("is_built", "", **environment).returncode == int(is_to_be_built)
+    build = Build(tmp_path, name)
+    assert build.is_built()
+    os.utime(build.edited, (4e9, 4e9))
+    assert build.is_built() == (not is_to_be_built)
+    build.edited.unlink()
+    assert build.is_built() == (not is_to_be_built)
+
+
+def test_a_robot_runs_what_rsync_brought_though_it_was_built_there_after_that_was_edited(tmp_path):
+    """Kernels and messages stayed as they were, and `build the package again`, which the log asked for, did nothing."""
+    build = Build(tmp_path, "src/mbf_relay/kernels.py")
+    os.utime(build.edited, (1e9, 1e9))
+    assert not build.is_built() and build.begin()
+
+
+def test_what_an_edit_does_not_concern_is_not_built_anew(tmp_path):
+    build = Build(tmp_path, "src/mbf_relay/kernels.py")
+    before = build.made.stat().st_mtime
+    os.utime(build.edited, (4e9, 4e9))
+    build.begin()
+    assert build.made.stat().st_mtime == before
 
 
 def test_a_new_folder_is_open_to_its_owner_alone(tmp_path):
