@@ -53,3 +53,13 @@ def test_a_robot_s_file_may_lie_in_a_folder_with_a_blank_in_its_name(name, tmp_p
     robot.write_text((LAUNCH[0].parents[1] / "config" / "robot" / "burger.yaml").read_text())
     config = load_config_default([(path, [f"robot:={robot}"])], 11311, assign_machines=False)
     assert '<robot name="mine">' in config.params["/robot_description"].value
+
+
+@pytest.mark.parametrize("model", ("waffle_pi", "{folder}/waffle_pi.yaml"))
+def test_a_waffle_pi_is_the_one_that_is_asked_for(model, tmp_path):
+    """A file of one's own by that name was not found: it was looked for as waffle.yaml."""
+    path, = (str(path) for path in LAUNCH if path.name == "turtlebot3_world.launch")
+    mine = tmp_path / "waffle_pi.yaml"
+    mine.write_text((LAUNCH[0].parents[1] / "config" / "robot" / "waffle.yaml").read_text())
+    config = load_config_default([(path, [f"model:={model.format(folder=tmp_path)}"])], 11311, assign_machines=False)
+    assert config.params["/simulator/robot"].value == (str(mine) if "/" in model else "waffle")
