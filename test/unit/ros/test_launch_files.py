@@ -11,6 +11,7 @@ rlutil = pytest.importorskip("roslaunch.rlutil")
 from roslaunch.config import load_config_default  # noqa: E402
 
 LAUNCH = sorted((Path(__file__).resolve().parents[3] / "launch").glob("*.launch"))
+TAKING_RESPAWN = [path for path in LAUNCH if '<arg name="respawn"' in path.read_text()]
 
 
 @pytest.mark.parametrize("path", LAUNCH, ids=lambda path: path.name)
@@ -42,6 +43,14 @@ def test_a_world_in_a_namespace_makes_the_time_of_all_nodes(name, tmp_path):
     outer.write_text(f'<launch><include file="{path}" ns="robot"/></launch>')
     config = load_config_default([str(outer)], 11311, assign_machines=False)
     assert config.params["/use_sim_time"].value is True
+
+
+@pytest.mark.parametrize("path", TAKING_RESPAWN, ids=lambda path: path.name)
+def test_who_looks_for_why_a_node_ends_has_none_start_again(path):
+    """web_view did all the same."""
+    arguments = [f"{name}:=true" for name in ("web", "record", "guard") if f'<arg name="{name}"' in path.read_text()]
+    config = load_config_default([(str(path), ["respawn:=false", *arguments])], 11311, assign_machines=False)
+    assert [node.name for node in config.nodes if node.respawn] == []
 
 
 @pytest.mark.parametrize("name", ("simulator", "two_burgers"))
