@@ -259,6 +259,18 @@ def test_a_large_map_that_comes_in_portions_is_shown_whole(page):
     assert page.js("[page.camera.x, page.camera.y]") == [1.6, 16.0]
 
 
+def test_another_tool_in_the_middle_of_a_drag_calls_it_off(page):
+    """A goal that was being dragged when p was pressed told the robot that it is there."""
+    resize(page, 1280, 760)
+    page.driver.execute_script("page.connection.send = (wish) => (window.sent = wish, true);")
+    page.driver.execute_script("document.querySelector('button[data-tool=goal]').click()")
+    page._mouse("mousePressed", 200, 300)
+    page.driver.execute_script("document.body.dispatchEvent(new KeyboardEvent('keydown', {key: 'p', bubbles: true}))")
+    page._mouse("mouseMoved", 260, 300)
+    page._mouse("mouseReleased", 260, 300)
+    assert page.js("window.sent && window.sent.do") is None
+
+
 @pytest.mark.parametrize(
     "origin, resolution", [([-5.0, 3.0, 0.0], 0.05), ([2.0, -7.0, 2.0], 0.05), ([0.0, 0.0, -0.7], 50.0)])
 def test_the_whole_map_is_shown_however_it_is_turned_and_as_large_as_it_is(page, origin, resolution):

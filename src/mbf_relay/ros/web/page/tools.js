@@ -18,7 +18,7 @@ export class Tools {
 
   take(tool) {
     this.tool = tool;
-    this.sketch.arrow = null;
+    this.sketch.arrow = this.start = null;  // a drag is that of the tool it began with
     this.canvas.dataset.tool = tool;
     this.on.changed();
   }
