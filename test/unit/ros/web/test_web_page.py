@@ -259,6 +259,21 @@ def test_a_large_map_that_comes_in_portions_is_shown_whole(page):
     assert page.js("[page.camera.x, page.camera.y]") == [1.6, 16.0]
 
 
+def test_a_costmap_whose_frame_is_nowhere_is_not_shown_at_the_map_s_origin(page):
+    """Before localization has begun walls round the robot were drawn somewhere else on the map."""
+    shape = {"width": 64, "height": 64, "tile": 64, "tiles": [0], "frame": "odom", "resolution": 0.05}
+    header = json.dumps({**shape, "origin": [-1.6, -1.6, 0.0]})
+    page.driver.execute_script(f"page.scene.grids.local_costmap.take({header}, new Uint8Array(4096).fill(100))")
+    seen = []
+    for place in ([0.0, 0.0, 0.0], None):
+        show(page, {"layer": "robot", "pose": None, "speed": [0.0, 0.0], "frames": {"odom": place}})
+        page.driver.execute_async_script(
+            "page.redraw(); requestAnimationFrame(() => requestAnimationFrame(arguments[0]))")
+        seen.append(page.js("(() => { const c = document.getElementById('canvas'), d = c.getContext('2d').getImageData("
+                            "c.width / 2, c.height / 2, 1, 1).data; return d[0] - d[1]; })()"))
+    assert seen[0] > 100 > seen[1]
+
+
 def test_another_tool_in_the_middle_of_a_drag_calls_it_off(page):
     """A goal that was being dragged when p was pressed told the robot that it is there."""
     resize(page, 1280, 760)

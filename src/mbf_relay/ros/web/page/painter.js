@@ -56,7 +56,9 @@ export class Painter {
   grid(scene, name) {
     const grid = scene.grids[name];
     if (!grid.shape) return;
-    const { frame, origin } = grid.shape, [x, y, turn] = scene.robot.frames[frame] || [0, 0, 0];
+    const { frame, origin } = grid.shape, place = scene.robot.frames[frame];
+    if (place === null) return;  // nobody knows where
+    const [x, y, turn] = place || [0, 0, 0];
     const cosine = Math.cos(turn), sine = Math.sin(turn);
     const corner = [x + cosine * origin[0] - sine * origin[1], y + sine * origin[0] + cosine * origin[1], turn + origin[2]];
     this.at(corner, (context) => grid.render(context));
