@@ -207,6 +207,15 @@ def test_who_waits_for_a_robot_that_is_not_there_is_told_so(page, has_map, told)
     page.wait("document.getElementById('banner').hidden", "nothing more to say", 30.0)
 
 
+def test_who_holds_a_stick_that_is_refused_is_told_so_once(page):
+    """Twelve times a second came "another browser is driving", to those who hear the page, too, and no other word."""
+    for _ in range(5):
+        for why in ("another browser is driving", "nobody listens to /cmd_vel"):
+            page.driver.execute_script(f"page.connection.on.say({{say: 'refused', wish: 'stick', why: '{why}'}})")
+    assert page.js("[...document.getElementById('toasts').children].map((note) => note.textContent)") == [
+        "another browser is driving", "nobody listens to /cmd_vel"]
+
+
 def test_a_page_that_is_loaded_anew_asks_for_the_robot_it_showed(page):
     welcome(page, "/burger2/")
     page.driver.refresh()

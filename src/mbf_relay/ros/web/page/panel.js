@@ -160,12 +160,14 @@ export class Panel {
     put($("tour"), tour ? (tour.pausing ? "pausing" : `driving to ${tour.index + 1} of ${list.length}`) : "Drive the list");
   }
 
+  // What is told again, as of a stick that is held, stays for longer.
   toast(words, refused = false) {
-    const note = element("p", words);
+    const shown = $("toasts"), old = [...shown.children].find((note) => note.textContent === words), note = old || element("p", words);
     if (refused) note.className = "refused";
-    $("toasts").append(note);
-    while ($("toasts").children.length > 3) $("toasts").firstChild.remove();
-    setTimeout(() => note.remove(), refused ? 7000 : 4500);
+    if (!old) shown.append(note);
+    while (shown.children.length > 3) shown.firstChild.remove();
+    clearTimeout(note.timer);
+    note.timer = setTimeout(() => note.remove(), refused ? 7000 : 4500);
   }
 
   banner(words) {
