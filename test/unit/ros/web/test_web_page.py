@@ -3,6 +3,7 @@
 import functools
 import http.server
 import json
+import math
 import os
 import threading
 
@@ -293,6 +294,15 @@ def test_another_tool_in_the_middle_of_a_drag_calls_it_off(page):
     page._mouse("mouseMoved", 260, 300)
     page._mouse("mouseReleased", 260, 300)
     assert page.js("window.sent && window.sent.do") is None
+
+
+@pytest.mark.parametrize("degrees, meant", [(90, 90), (-400, -40), (400, 40)])
+def test_a_position_may_be_typed_with_any_heading(page, degrees, meant):
+    """-400 degrees were sent as they are, and refused."""
+    page.driver.execute_script("page.connection.send = (wish) => (window.sent = wish, true);")
+    page.driver.execute_script(
+        f"const form = document.getElementById('goto'); form.heading.value = '{degrees}'; form.requestSubmit()")
+    assert page.js("window.sent.theta") == pytest.approx(math.radians(meant))
 
 
 @pytest.mark.parametrize(

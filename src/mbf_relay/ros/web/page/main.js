@@ -249,7 +249,7 @@ for (const [id, key, unit] of [["spread", "radius", "m"], ["size", "square", "m"
 $("goto").addEventListener("submit", (event) => {
   event.preventDefault();
   const form = new FormData(event.target);
-  wish({ do: "goal", x: Number(form.get("x")), y: Number(form.get("y")), theta: ((Number(form.get("heading")) + 180) % 360 - 180) * Math.PI / 180 });
+  wish({ do: "goal", x: Number(form.get("x")), y: Number(form.get("y")), theta: (Number(form.get("heading")) % 360) * Math.PI / 180 });
 });
 $("robot").addEventListener("change", (event) => wish({ do: "robot", name: event.target.value }));
 $("token-form").addEventListener("submit", (event) => {
