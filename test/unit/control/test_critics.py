@@ -12,6 +12,8 @@ from mbf_relay.geometry import Pose2D, Twist2D
 from mbf_relay.plugins import find_class
 
 SEEDS = range(6)
+NEAR_SEEDS = (342, 579, 664, 943)
+"""Of scenes with an obstacle so near that the robot cannot stop on some trajectories."""
 
 
 def critic(name, **changes):
@@ -75,26 +77,22 @@ def test_without_a_nose_its_critics_are_silent(name):
 
 
 @pytest.mark.parametrize("sums", [False, True])
-@pytest.mark.parametrize("seed", SEEDS)
+@pytest.mark.parametrize("seed", [*SEEDS, *NEAR_SEEDS])
 def test_the_obstacle_critic_charges_what_is_passed_and_rules_out_what_cannot_stop(sums, seed):
     batch, data = random_scene(np.random.default_rng(seed))
     scores = critic("obstacle", sum_scores=sums).score(batch, data)
-    ruled_out = 0
     for n in range(len(batch)):
         v = batch.velocities[n]
         stopping = 0.1 + 0.2 + max(abs(v[0]) / (2 * 2.5), abs(v[2]) / (2 * 3.2))
-        step = max(1.5, stopping) / batch.counts[n] if abs(v[0]) < 1e-3 else None
         cells = data.checker.costmap.grid.cells_at(batch.poses[n, : batch.free[n]])
         costs = data.checker.costmap.costs[cells[:, 1], cells[:, 0]].astype(float)
         expected = costs.sum() if sums else costs.max(initial=0.0)
         touches = batch.free[n] < batch.counts[n]
-        if batch.free[n] < batch.needed[n]:
-            ruled_out += 1
+        if touches and batch.free[n] * batch.steps[n] < stopping:
             assert np.isinf(scores[n])
-            assert step is None or batch.free[n] * step < stopping
         else:
             assert scores[n] == pytest.approx(max(expected, 253.0) if touches else expected)
-    assert ruled_out == np.isinf(scores).sum()
+    assert np.isinf(scores).any() == (seed in NEAR_SEEDS)
 
 
 def test_safety_has_no_switch():
