@@ -49,8 +49,9 @@ def test_a_planner_without_a_cost_of_its_own_is_given_the_length(bench):
     assert bench.finish(bench.navigator.get_path(PlanGoal(TARGET))).cost == pytest.approx(5.0)
 
 
-def test_failures_are_tried_again_until_patience_ends(bench):
-    bench.script.plan = NO_WAY
+@pytest.mark.parametrize("picture", [math.inf, 999.9], ids=["after the goal", "before the goal"])
+def test_failures_are_tried_again_until_patience_ends(bench, picture):
+    bench.script.plan, bench.costmaps["global"].stamp = NO_WAY, picture
     started = bench.now
     task = bench.navigator.get_path(PlanGoal(TARGET))
     result = bench.finish(task)
@@ -119,6 +120,8 @@ def test_what_failed_last_is_told_where_patience_ends(bench):
     (Path(np.zeros((2, 3)), "map", math.nan), PlanOutcome.INTERNAL_ERROR, "not finite"),
     (Path(np.zeros((2, 2)), "map"), PlanOutcome.INTERNAL_ERROR, "shape (2, 2), not (N, 3)"),
     (Path(None, "map"), PlanOutcome.INTERNAL_ERROR, "shape (), not (N, 3)"),
+    (Path(np.zeros((2, 3)), 7), PlanOutcome.INTERNAL_ERROR, "whose frame is 7, not a name"),
+    (Path(np.zeros((2, 3)), "map", "dear"), PlanOutcome.INTERNAL_ERROR, "whose cost is 'dear', not a number"),
     (Path([], "map"), PlanOutcome.PAT_EXCEEDED, "empty path"),
     (Path(np.zeros((2, 3)), "attic"), PlanOutcome.PAT_EXCEEDED, "planner 'P1' returned: no transform from 'attic'"),
     (Path(np.zeros((0, 3)), "map"), PlanOutcome.PAT_EXCEEDED, "empty path"),
@@ -155,6 +158,17 @@ def test_a_planner_that_hangs_is_given_up_and_waited_for(held_bench):
     assert bench.finish(second).outcome is PlanOutcome.SUCCESS
 
 
+def test_nobody_is_kept_busy_by_a_planner_whose_patience_has_no_end(make_bench):
+    """Navigation was stepped on and on, for a time that was over."""
+    bench = make_bench(scripted.HeldWorker(), planner_patience=0.0)
+    bench.worker.delays = [None]
+    task = bench.navigator.get_path(PlanGoal(TARGET))
+    bench.step()
+    assert not task.done and bench.navigator.due == math.inf
+    bench.worker.release()
+    assert bench.finish(task).outcome is PlanOutcome.SUCCESS
+
+
 def test_a_hanging_planner_does_not_hold_up_other_slots(held_bench):
     bench = held_bench
     bench.worker.delays = [None]
@@ -164,8 +178,10 @@ def test_a_hanging_planner_does_not_hold_up_other_slots(held_bench):
 
 
 def test_an_unknown_frame_is_waited_for_and_named(bench):
-    started = bench.now
-    result = bench.finish(bench.navigator.get_path(PlanGoal(FramedPose(Pose2D(0.0, 0.0, 0.0), "kitchen"))))
+    started, task = bench.now, bench.navigator.get_path(PlanGoal(FramedPose(Pose2D(0.0, 0.0, 0.0), "kitchen")))
+    bench.step(0.0)
+    assert bench.navigator.due > bench.now, "or waiting would keep a core busy"
+    result = bench.finish(task)
     assert result.outcome is PlanOutcome.TF_ERROR and "kitchen" in result.message
     assert bench.now - started == pytest.approx(3.0, abs=0.2)
 
