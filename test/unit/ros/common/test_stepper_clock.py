@@ -1,6 +1,7 @@
 """A robot under a simulated clock: is time going on?"""
 
 import itertools
+import math
 import threading
 from types import SimpleNamespace
 
@@ -57,12 +58,14 @@ def test_a_robot_whose_clock_nobody_ever_published_stands_and_its_client_is_told
     assert watched.stepper.clock_loss == "" and not watched.stands_after(0.1)
     assert watched.stands_after(3.0)
     assert watched.stepper.clock_loss.endswith("and nobody publishes it any more")
+    told.get_num_connections = lambda: 1
+    assert watched.stepper.clock_loss == "", "goals outlast a simulation that is paused"
 
 
 def test_a_robot_on_the_machine_s_own_time_is_not_stopped(watched, monkeypatch):
     monkeypatch.setattr(stepper.rospy.rostime, "is_wallclock", lambda: True)
     watched.stepper = Stepper(lambda now: now)
-    assert not watched.stands_after(1e4)
+    assert not watched.stands_after(1e4) and watched.stepper.clock_loss == ""
 
 
 def test_a_robot_whose_clock_is_paused_is_told_within_half_a_second_also_where_the_time_is_told_on_and_on(watched):
@@ -126,6 +129,63 @@ def test_a_node_that_ends_between_two_steps_takes_no_more_of_them(monkeypatch):
     ending.start()
     ending._thread.join(5.0)
     assert not ending._thread.is_alive() and not steps
+
+
+def test_a_node_that_ends_while_nothing_is_due_does_not_wait_for_what_never_comes(monkeypatch):
+    monkeypatch.setattr(stepper.rospy, "get_time", lambda: 1.0)
+    monkeypatch.setattr(stepper.rospy.rostime, "is_wallclock", lambda: True)
+    steps = []
+    ending = Stepper(lambda now: steps.append(now) or math.inf)
+    ending.start()
+    wait_until(lambda: steps and ending.step_time == 0.0, "its first step")
+    ending.stop()
+    assert not ending._thread.is_alive()
+
+
+def test_a_node_that_ends_waits_for_the_running_step_and_for_none_where_it_never_began(monkeypatch):
+    """Its last velocity came after the zero, or its end stopped half way at a thread that had never begun."""
+    monkeypatch.setattr(stepper.rospy, "get_time", lambda: 1.0)
+    monkeypatch.setattr(stepper.rospy.rostime, "is_wallclock", lambda: True)
+    entered, ended = threading.Event(), []
+
+    def step(_now):
+        entered.set()
+        wait_until(lambda: ending._stopping, "the node's end")
+        ended.append(True)
+        return math.inf
+
+    ending = Stepper(step)
+    ending.start()
+    entered.wait(5.0)
+    ending.stop()
+    assert ended
+    Stepper(step).stop()
+
+
+def test_a_step_that_took_until_after_the_next_was_due_is_followed_by_it_though_the_clock_says_no_more(monkeypatch):
+    """The tick came while the step before was running, and the robot was left driving until the next one."""
+    clock, steps = [1.0], []
+    monkeypatch.setattr(stepper, "STILL_CLOCK", 60.0)
+    monkeypatch.setattr(stepper.rospy, "get_time", lambda: clock[0])
+    monkeypatch.setattr(stepper.rospy.rostime, "is_wallclock", lambda: False)
+
+    def step(now):
+        steps.append(now)
+        if now == 2.0:
+            return math.inf
+        clock[0] = 2.0
+        stepping._on_clock(Clock(rospy.Time.from_sec(2.0)))
+        return 1.1
+
+    stepping = Stepper(step)
+    stepping._thread.start()
+    wait_until(lambda: steps == [1.0, 2.0], "the step that was due meanwhile")
+    stepping.stop()
+
+
+def test_who_asks_where_a_thread_hangs_that_has_ended_is_told_nothing(watched):
+    watched.stepper._began = watched.wall - 10.0
+    assert watched.stepper.step_time == 10.0 and watched.stepper.hangs_in == ""
 
 
 def test_a_robot_whose_clock_ticks_as_often_as_it_is_controlled_misses_no_cycle(monkeypatch):
