@@ -6,6 +6,7 @@ import argparse
 import importlib
 import json
 import multiprocessing
+import os
 import sys
 import traceback
 from concurrent.futures import ProcessPoolExecutor
@@ -40,12 +41,21 @@ def main(arguments: Optional[Sequence[str]] = None) -> int:
     if options.json:
         Path(options.json).write_text(as_json(machine, results), encoding="utf-8")
         print(f"metrics written to {options.json}")
-    if options.write:
-        for path in write_sections(machine, results):
-            print(f"metrics written into {path}")
+    is_written = not options.write or _write_into_readmes(machine, results)
     for name in failed:
         print(f"benchmark {name} failed: see above", file=sys.stderr)
-    return 1 if failed else 0
+    return 1 if failed or not is_written else 0
+
+
+def _write_into_readmes(machine: Dict[str, Any], results: Results) -> bool:
+    """Write the tables into the READMEs; return False where a metric is missing, and leave them as they are."""
+    try:
+        for path in write_sections(machine, results):
+            print(f"metrics written into {path}")
+    except ValueError as error:
+        print(f"benchmark: the READMEs are left as they are: {error}", file=sys.stderr)
+        return False
+    return True
 
 
 class Taken(NamedTuple):
@@ -149,6 +159,10 @@ def _parse(arguments: Optional[Sequence[str]]) -> argparse.Namespace:
         if name not in NAMES:
             hint = did_you_mean(nearest_of(name, NAMES))
             parser.error(f"there is no benchmark '{name}' (available: {', '.join(NAMES)}){hint}")
+    if options.json:
+        place = Path(options.json).absolute()
+        if place.is_dir() or not os.access(str(place.parent), os.W_OK):
+            parser.error(f"--json {options.json} cannot be written: give a file in a folder that can")
     options.names = options.names or [name for name in NAMES if name not in ONLY_BY_NAME]
     stated = {headline.benchmark for headline in HEADLINES}.intersection(options.names)
     if options.quick and options.write and not options.taken and stated:

@@ -152,6 +152,24 @@ def test_who_asks_for_figures_of_a_first_look_in_the_readme_waits_for_nothing(na
     assert "leave out --quick or --write" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize("place", ["nowhere/figures.json", ""])
+def test_who_asks_for_figures_where_none_can_be_written_waits_for_nothing(place, tmp_path, capsys, monkeypatch):
+    """After half an hour of measuring came FileNotFoundError."""
+    monkeypatch.setattr(command, "run", lambda names, quick: pytest.fail(f"{names} measured in vain"))
+    with pytest.raises(SystemExit):
+        command.main(["planning", "--json", str(tmp_path / place)])
+    assert f"--json {tmp_path / place} cannot be written" in capsys.readouterr().err
+
+
+def test_a_benchmark_that_failed_half_way_leaves_the_readme_as_it_was_and_is_named(capsys, monkeypatch):
+    """A traceback about a headline came instead, and not which benchmark had failed."""
+    monkeypatch.setattr(command, "run", lambda names, quick: ([("server", Metric("a plan", 1.0, "ms"))], ["server"]))
+    monkeypatch.setattr(report, "rewrite_section", lambda *_: pytest.fail("written with figures missing"))
+    assert command.main(["server", "--write"]) == 1
+    said = capsys.readouterr().err
+    assert "READMEs are left as they are: 0 metrics of server" in said and "benchmark server failed" in said
+
+
 def test_the_short_form_of_the_proofs_may_stand_in_the_readme(monkeypatch):
     monkeypatch.setattr(command, "run", lambda names, quick: ([], []))
     monkeypatch.setattr(command, "write_sections", lambda machine, results: [])
