@@ -23,7 +23,7 @@ from scripted_bench import Bench  # noqa: E402
 
 from mbf_relay.geometry import STOP, Twist2D  # noqa: E402
 from mbf_relay.ros.common.actions.client_goals import ClientGoals  # noqa: E402
-from mbf_relay.ros.common.actions.goal_tracker import FIRST_WORD, GoalTracker  # noqa: E402
+from mbf_relay.ros.common.actions.goal_tracker import HELD_BACK_FOR, GoalTracker  # noqa: E402
 from mbf_relay.ros.relay.relay import Observer, Relay, RelayParameters  # noqa: E402
 from mbf_relay.ros.server.actions import make_actions  # noqa: E402
 
@@ -93,7 +93,7 @@ class PaperActionServer:
     def __init__(self, graph, name, on_goal, on_cancel, recalled, overtaken_cb):
         self.goals = GoalTracker(
             self, on_goal, on_cancel, MoveBaseResult, lambda: graph.now, graph.ros_now, recalled, overtaken_cb,
-            FIRST_WORD)
+            HELD_BACK_FOR)
         self._graph, self._told_at = graph, 0.0
         self.is_connected = name.endswith("move_base")
 
@@ -175,7 +175,7 @@ class RelayLife(Observer):
             MoveBaseResult,
             lambda: graph.now,
             graph.ros_now,
-            first_word=FIRST_WORD,
+            held_back_for=HELD_BACK_FOR,
             on_overtaken=lambda goal: self.relay.take_overtaken(goal, graph.ros_now().to_sec()),
         )
         self.relay = Relay(

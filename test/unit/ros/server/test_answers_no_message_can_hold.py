@@ -155,7 +155,7 @@ def test_a_client_is_told_of_a_result_that_cannot_be_written(monkeypatch):
     server.goals.take_goal(GoalID(id="asked"), a_path(), "client")
     (goal,) = server.goals._goals.values()
     goal.set_accepted()
-    server.goals.speak()
+    server.goals.release()
     goal.set_succeeded(ExePathResult(outcome=ExePathResult.SUCCESS, message=7), "arrived")
     results = [message for message in sent if hasattr(message, "result")]
     assert [message.status.status for message in results] == [GoalStatus.ABORTED]

@@ -18,7 +18,7 @@ from actionlib_msgs.msg import GoalID, GoalStatus, GoalStatusArray
 
 from mbf_relay.memory import give_back_free
 from mbf_relay.outcomes import as_told
-from mbf_relay.ros.common.actions.goal_tracker import FIRST_WORD, GoalTracker, TrackedGoal
+from mbf_relay.ros.common.actions.goal_tracker import HELD_BACK_FOR, GoalTracker, TrackedGoal
 from mbf_relay.ros.common.connected_nodes import connected_nodes
 
 STATUS_PERIOD = 0.2
@@ -92,7 +92,7 @@ class ActionServer:
         self._feedback_type = type(action.action_feedback)
         empty = type(action.action_result.result)
         self.goals = GoalTracker(
-            self, goal_cb, cancel_cb, empty, time.monotonic, rospy.get_rostime, recalled, overtaken_cb, FIRST_WORD)
+            self, goal_cb, cancel_cb, empty, time.monotonic, rospy.get_rostime, recalled, overtaken_cb, HELD_BACK_FOR)
         self.lock = self.goals.lock
         self._is_alive = is_alive
         self._late_comers = _LateComers()
@@ -130,7 +130,7 @@ class ActionServer:
     def stop(self) -> None:
         """Publish what is pending and unadvertise the topics."""
         with self.lock:
-            self.goals.speak()
+            self.goals.release()
             self._publishes, self.is_stopped = False, True
             for link in self._links:
                 link.unregister()

@@ -45,7 +45,7 @@ LIST_AT_MOST = 600
 the status while its result is still queued; for twenty clients at 20 Hz, each has 1.5 s for that."""
 LONGEST_ID = 1000
 """Largest number of characters of a goal's id, which each status message repeats; actionlib's have some forty."""
-FIRST_WORD = 0.05
+HELD_BACK_FOR = 0.05
 """Wall time (s) for which nothing is published of a new goal, unless it is leased.
 
 rospy's SimpleActionClient registers a goal a moment after it has sent it, and ignores messages on it before: of 600
@@ -148,7 +148,7 @@ class GoalTracker:
         self, sink: GoalSink, on_goal: Callable[[TrackedGoal], None], on_cancel: Callable[[TrackedGoal], None],
         empty_result: Callable[[], Any], clock: Callable[[], float], ros_now: Callable[[], Any],
         recalled: Optional[Callable[[], Any]] = None, on_overtaken: Callable[[TrackedGoal], None] = lambda goal: None,
-        first_word: float = 0.0,
+        held_back_for: float = 0.0,
     ) -> None:
         """Begin without goals.
 
@@ -162,15 +162,15 @@ class GoalTracker:
                 outcome 0, which is SUCCESS for clients that look at the outcome alone.
             on_overtaken: Called with a goal whose cancel arrived before it, on another connection, before the goal is
                 ended.
-            first_word: See FIRST_WORD; 0 to publish at once.
+            held_back_for: See HELD_BACK_FOR; 0 to publish at once.
         """
         self.lock = threading.RLock()
         self._sink, self._on_goal, self._on_cancel, self._on_overtaken = sink, on_goal, on_cancel, on_overtaken
         self._empty_result, self._recalled = empty_result, recalled or empty_result
-        self._clock, self._ros_now, self._first_word = clock, ros_now, first_word
+        self._clock, self._ros_now, self._held_back_for = clock, ros_now, held_back_for
         self._goals: Dict[str, TrackedGoal] = {}  # oldest first
         self._bygone: Dict[str, float] = {}  # wall time of the end, by id, of goals no longer in _goals; oldest first
-        self._unsaid: Dict[TrackedGoal, List[Callable[[], None]]] = {}  # new goals and what waits to be published
+        self._held_back: Dict[TrackedGoal, List[Callable[[], None]]] = {}  # of new goals, what is to be published
         self._last_cancel = Time()
         self._used_id = ""  # the last one there was a warning of
         self._numbers = itertools.count(1)
@@ -178,7 +178,7 @@ class GoalTracker:
     # what arrives
 
     def take_goal(self, goal_id: GoalID, goal: Any, client: str = "") -> None:
-        """Take a goal message; one whose id is known already changes nothing.
+        """Take a goal message: hand it on, unless its id is known already or its cancel came before it.
 
         Args:
             goal_id: Its id; where the id or the stamp is empty, it gets one here.
@@ -189,32 +189,40 @@ class GoalTracker:
             return
         with self.lock:
             now, stamp = self._ros_now(), goal_id.stamp
-            goal_id = GoalID(
-                stamp=stamp or now,
-                id=goal_id.id or f"{client}-unnamed-{next(self._numbers)}-{now.to_sec():.3f}",
-            )
-            known = self._goals.get(goal_id.id)
-            ended_at = self._bygone.get(goal_id.id) if known is None else known.finished_at
-            if ended_at is not None and (known is None or known.has_ended):
-                self._tell_of_used_id(goal_id.id, ended_at)
+            name = goal_id.id or f"{client}-unnamed-{next(self._numbers)}-{now.to_sec():.3f}"
+            known = self._goals.get(name)
+            ended_at = known.finished_at if known is not None and known.has_ended else self._bygone.get(name)
+            if ended_at is not None:
+                self._warn_of_used_id(name, ended_at)
                 return
             if known is not None and known.has_come:
                 return
-            tracked = self._goals[goal_id.id] = TrackedGoal(self, goal_id, goal, client, self._clock())
-            if self._first_word and known is None and not is_leased(goal_id.id):
-                self._unsaid[tracked] = []
-            if known is not None:
+            tracked = TrackedGoal(self, GoalID(stamp=stamp or now, id=name), goal, client, self._clock())
+            self._goals[name] = tracked
+            if known is None:
+                self._hand_on(tracked, stamp, now)
+            else:  # its cancel came before it
                 tracked.status.status = RECALLING
                 self._on_overtaken(tracked)
                 tracked.set_canceled(self._recalled(), known.status.text)
-                return
-            if self._last_cancel > now:
-                self._last_cancel = Time()  # the clock was set back since, and else every goal would be older
-            if stamp and stamp <= self._last_cancel:  # a stamp of 0 may be missing, or a simulation's first time
-                tracked.set_canceled(self._recalled(), STAMPED_BEFORE)
-            else:
-                self._on_goal(tracked)
-                self._tell_change(tracked)
+
+    def _hand_on(self, tracked: TrackedGoal, stamp: Time, now: Time) -> None:
+        """Hand on a new goal, or end it where all goals up to its stamp were cancelled.
+
+        Args:
+            tracked: The goal.
+            stamp: The stamp its message had; 0 may be a missing one, or a simulation's first time.
+            now: ROS time.
+        """
+        if self._held_back_for and not is_leased(tracked.get_goal_id().id):
+            self._held_back[tracked] = []
+        if self._last_cancel > now:
+            self._last_cancel = Time()  # the clock was set back since, and else every goal would be older
+        if stamp and stamp <= self._last_cancel:
+            tracked.set_canceled(self._recalled(), STAMPED_BEFORE)
+        else:
+            self._on_goal(tracked)
+            self._status_changed(tracked)
 
     def take_cancel(self, goal_id: GoalID) -> None:
         """Take a cancel message, by actionlib's rules: of one goal, of all up to a time, or of all."""
@@ -222,14 +230,12 @@ class GoalTracker:
             return
         with self.lock:
             named = self._goals.get(goal_id.id)
-            if named is not None and named in self._unsaid:  # else its client takes it for lost
-                self._speak_of(named)
-            everything = not goal_id.id and not goal_id.stamp
+            if named is not None and named in self._held_back:  # else its client takes it for lost
+                self._release(named)
             for tracked in list(self._goals.values()):
-                until = bool(goal_id.stamp) and tracked.status.goal_id.stamp <= goal_id.stamp
-                if everything or until or tracked.status.goal_id.id == goal_id.id:
+                if _is_meant(tracked.get_goal_id(), goal_id):
                     self._request_cancel(tracked)
-            if goal_id.id and goal_id.id not in self._goals and goal_id.id not in self._bygone:
+            if goal_id.id and named is None and goal_id.id not in self._bygone:  # the cancel came before its goal
                 early = self._goals[goal_id.id] = TrackedGoal(self, goal_id, None, "", self._clock())
                 early.status.status, early.finished_at = RECALLING, early.come_at
                 self._sink.status_changed()
@@ -252,7 +258,7 @@ class GoalTracker:
                     "goal %s cannot %s in state %d", tracked.status.goal_id.id, event, tracked.status.status)
                 return False
             tracked.status.status, tracked.status.text = state, text
-            self._tell_change(tracked)
+            self._status_changed(tracked)
             return True
 
     def finish(self, tracked: TrackedGoal, event: str, result: Any, text: str) -> None:
@@ -262,13 +268,13 @@ class GoalTracker:
                 tracked.finished_at = self._clock()
                 tracked.drop_goal()
                 result = self._empty_result() if result is None else result
-                self._say(tracked, lambda: self._sink.publish_result(tracked.status, result))
+                self._publish(tracked, lambda: self._sink.publish_result(tracked.status, result))
 
     def feed_back(self, tracked: TrackedGoal, feedback: Any) -> None:
         """Publish feedback of a goal that has not ended."""
         with self.lock:
             if not tracked.has_ended:
-                self._say(tracked, lambda: self._sink.publish_feedback(tracked.status, feedback))
+                self._publish(tracked, lambda: self._sink.publish_feedback(tracked.status, feedback))
 
     # the passing of time
 
@@ -284,7 +290,7 @@ class GoalTracker:
         """
         with self.lock:
             now = self._clock()
-            self.speak(now - self._first_word)
+            self.release(now - self._held_back_for)
             self._forget(now)
             for goal_id, tracked in list(self._goals.items()):
                 if not tracked.has_come or tracked.status.status not in (PENDING, ACTIVE):
@@ -302,21 +308,21 @@ class GoalTracker:
                     tracked.lapse = f"ended because its client {tracked.client or 'of no name'} {gone}"
                     self._request_cancel(tracked)
 
-    def speak(self, until: float = math.inf) -> None:
-        """Publish what waits of new goals (see FIRST_WORD) received up to a wall time (s)."""
+    def release(self, until: float = math.inf) -> None:
+        """Publish what was held back (see HELD_BACK_FOR) of goals received up to a wall time (s)."""
         with self.lock:
-            while self._unsaid:
-                tracked = next(iter(self._unsaid))
-                if tracked.come_at > until:
+            while self._held_back:
+                oldest = next(iter(self._held_back))
+                if oldest.come_at > until:
                     return
-                self._speak_of(tracked)
+                self._release(oldest)
 
     def listed(self) -> List[GoalStatus]:
         """Return the contents of the status message: all goals that have not ended, and those that ended lately."""
         with self.lock:
             since, statuses, room = self._clock() - LIST_FOR, [], LIST_AT_MOST
             for tracked in reversed(list(self._goals.values())):
-                if tracked in self._unsaid:
+                if tracked in self._held_back:
                     continue
                 if tracked.finished_at is None:
                     statuses.append(tracked.status)
@@ -329,10 +335,10 @@ class GoalTracker:
         state = TRANSITIONS["request cancel"].get(tracked.status.status)
         if state is not None:
             tracked.status.status = state
-            self._tell_change(tracked)
+            self._status_changed(tracked)
             self._on_cancel(tracked)
 
-    def _tell_of_used_id(self, name: str, ended_at: float) -> None:
+    def _warn_of_used_id(self, name: str, ended_at: float) -> None:
         """Warn, once, of a goal refused because its id was used before, as by a client with constant ids.
 
         Not of leased goals, which clients resend when an acknowledgement is late.
@@ -343,19 +349,19 @@ class GoalTracker:
                 "refused a goal by the id '%s', which one had that ended %.0f s ago; give each its own, or none",
                 name, self._clock() - ended_at)
 
-    def _speak_of(self, tracked: TrackedGoal) -> None:
-        for word in self._unsaid.pop(tracked):
-            word()
+    def _release(self, tracked: TrackedGoal) -> None:
+        for publication in self._held_back.pop(tracked):
+            publication()
         self._sink.status_changed()
 
-    def _say(self, tracked: TrackedGoal, word: Callable[[], None]) -> None:
-        if tracked in self._unsaid:
-            self._unsaid[tracked].append(word)
+    def _publish(self, tracked: TrackedGoal, publication: Callable[[], None]) -> None:
+        if tracked in self._held_back:
+            self._held_back[tracked].append(publication)
         else:
-            word()
+            publication()
 
-    def _tell_change(self, tracked: TrackedGoal) -> None:
-        if tracked not in self._unsaid:
+    def _status_changed(self, tracked: TrackedGoal) -> None:
+        if tracked not in self._held_back:
             self._sink.status_changed()
 
     def _forget(self, now: float) -> None:
@@ -385,3 +391,10 @@ def _is_too_long(goal_id: GoalID) -> bool:
             "refused a goal, or its cancel, whose id has %d characters; at most %d allowed: '%s...'",
             len(goal_id.id), LONGEST_ID, goal_id.id[:40])
     return too_long
+
+
+def _is_meant(goal_id: GoalID, cancel: GoalID) -> bool:
+    """Return whether a cancel is of a goal: the one with its id, one up to its stamp, or, where it has neither, any."""
+    if not cancel.id and not cancel.stamp:
+        return True
+    return bool(goal_id.id == cancel.id or (cancel.stamp and goal_id.stamp <= cancel.stamp))

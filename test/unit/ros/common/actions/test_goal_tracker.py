@@ -63,7 +63,7 @@ def test_a_goal_whose_cancel_came_first_is_told_of_before_it_ends():
 
 def test_a_client_hears_of_its_goal_once_it_knows_that_it_has_sent_it():
     """Of 600 goals refused at once, three never ended for rospy's SimpleActionClient, which had dropped the result."""
-    server, told = Server(first_word=0.05), []
+    server, told = Server(held_back_for=0.05), []
     server.on_status = lambda: told.append(1)
     refused, driven = server.goal("refused"), server.goal("driven")
     driven.set_accepted()
@@ -81,7 +81,7 @@ def test_a_client_hears_of_its_goal_once_it_knows_that_it_has_sent_it():
 
 
 def test_a_goal_that_is_leased_or_whose_cancel_came_before_it_is_spoken_of_at_once_and_all_are_by_a_server_that_ends():
-    server = Server(first_word=0.05)
+    server = Server(held_back_for=0.05)
     leased = server.goal("goal" + goal_lease.MARK)
     leased.set_rejected()
     server.tracker.take_cancel(GoalID(id="overtaken"))
@@ -90,7 +90,7 @@ def test_a_goal_that_is_leased_or_whose_cancel_came_before_it_is_spoken_of_at_on
     assert server.state("overtaken") == RECALLED
     server.goal("new").set_rejected()
     assert [status.goal_id.id for status in server.results] == ["goal" + goal_lease.MARK, "overtaken"]
-    server.tracker.speak()
+    server.tracker.release()
     assert server.results[-1].goal_id.id == "new" and server.state("new") is not None
 
 
@@ -281,7 +281,7 @@ class Judge:
 
 def test_a_client_that_calls_its_goal_off_at_once_does_not_take_it_for_lost():
     """Of 40 goals of a C++ client, called off within 0.18 s, five were LOST: the status said nothing of them yet."""
-    server, judge = Server(first_word=0.05), Judge("a")
+    server, judge = Server(held_back_for=0.05), Judge("a")
     goal = server.goal("a")
     goal.set_accepted()
     judge.machine.state = stock.CommState.WAITING_FOR_CANCEL_ACK

@@ -12,7 +12,7 @@ from mbf_relay.ros.common.actions.goal_tracker import GoalTracker
 class Server:
     """A tracker, what it sent, and a clock."""
 
-    def __init__(self, first_word=0.0):
+    def __init__(self, held_back_for=0.0):
         self.now, self.taken, self.cancelled, self.results, self.feedback = 100.0, [], [], [], []
         self.on_status, self.on_overtaken = lambda: None, lambda goal: None
         self.tracker = GoalTracker(
@@ -23,7 +23,7 @@ class Server:
             lambda: self.now,
             lambda: Time.from_sec(self.now),
             on_overtaken=lambda goal: self.on_overtaken(goal),
-            first_word=first_word,
+            held_back_for=held_back_for,
         )
 
     def publish_result(self, status, result):
