@@ -59,15 +59,18 @@ class MasterWatch:
     def _loop(self) -> None:
         while not self._stop.wait(PERIOD):
             try:
-                known = self._is_known()
-                trouble = self.other_time() if known else (
-                    f"the master at {self._uri} is another one and does not know {self._name}; it must start again")
+                if self._is_known():
+                    trouble = self.other_time()
+                else:
+                    self._restore_parameters()
+                    trouble = (
+                        f"the master at {self._uri} is another one and does not know {self._name}; it must start again")
             except NO_ANSWER as error:
                 if not self._silent:
                     rospy.logwarn("the master at %s does not answer (%s); open connections go on", self._uri, error)
                 self._silent = True
                 continue
-            self._silent = self._silent and not known
+            self._silent = False
             if trouble and not (self._stop.is_set() or rospy.is_shutdown()):
                 self._on_stranger(trouble)
                 return
@@ -90,19 +93,18 @@ class MasterWatch:
             f"{', '.join(publishers)}; it must start again")
 
     def _is_known(self) -> bool:
+        """Return whether the master is the one at the start, and knows this node."""
         master = impatient_proxy(self._uri, TIMEOUT)
-        pid = int(self._ask(master.getPid)[1])
-        # Known is not enough: a registration under way may have reached the new master after the restart.
-        if pid == self._pid and self._ask(master.lookupNode, self._name)[0]:
-            return True
+        # To know the node is not enough: a registration under way may have reached a new master.
+        return int(self._ask(master.getPid)[1]) == self._pid and self._ask(master.lookupNode, self._name)[0]
+
+    def _restore_parameters(self) -> None:
+        """Set the parameters that a new master lacks: first this node's, and one PERIOD later the others."""
         own = {name: self._seen[name] for name in SHARED if name in self._seen}
         self._give_back({**own, **part_of(self._seen, self._name)})
         if not self._stop.wait(PERIOD):
-            rest = dict(self._seen)
-            run_id = {RUN_ID: rest.pop(RUN_ID)} if RUN_ID in rest else {}
-            self._give_back(rest)
-            self._give_back(run_id)  # last: nodes that start meanwhile wait for it
-        return False
+            self._give_back({name: value for name, value in self._seen.items() if name != RUN_ID})
+            self._give_back(self._seen)  # the run_id last: nodes that start meanwhile wait for it
 
     def _give_back(self, seen: Dict[str, Any]) -> None:
         """Set those of a tree of parameters that the master lacks; a group that it lacks as a whole, in one call."""
