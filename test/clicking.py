@@ -14,7 +14,7 @@ from virtual_screen import RViz, VirtualScreen
 
 from mbf_relay.geometry import Pose2D, angle_between
 from mbf_relay.ros.common.conversions import pose_from_message
-from mbf_relay.ros.common.rospy_patches.connecting import connect_surely
+from mbf_relay.ros.common.rospy_patches import connecting
 from mbf_relay.ros.common.transforms import Transforms
 
 RESULTS = os.environ.get("MBF_RELAY_TEST_RESULTS", ".")
@@ -88,5 +88,5 @@ class ClickingTest(unittest.TestCase):
 
 def start() -> None:
     """Register the test's node, which hears RViz as the nodes do."""
-    connect_surely()
+    connecting.apply_patches()
     rospy.init_node("clicking_test")

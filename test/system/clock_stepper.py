@@ -10,8 +10,7 @@ from sensor_msgs.msg import LaserScan
 from std_msgs.msg import Bool, Float64
 from tf2_msgs.msg import TFMessage
 
-from mbf_relay.ros.common.rospy_patches.receiving import receive_with_less
-from mbf_relay.ros.common.rospy_patches.sending import send_with_less
+from mbf_relay.ros.common.rospy_patches import receiving, sending
 
 BEGIN = 1000.0
 """Seconds added at first, so that there is a time before."""
@@ -47,8 +46,8 @@ class ClockStepper:
 
 
 if __name__ == "__main__":
-    receive_with_less()
-    send_with_less()
+    receiving.apply_patches()
+    sending.apply_patches()
     rospy.init_node("clock_stepper")
     stepper = ClockStepper()
     rospy.spin()

@@ -17,7 +17,7 @@ from visualization_msgs.msg import MarkerArray  # noqa: E402
 
 from mbf_relay.geometry import Pose2D  # noqa: E402
 from mbf_relay.ros.common.conversions import pose_from_message  # noqa: E402
-from mbf_relay.ros.common.rospy_patches.receiving import receive_with_less  # noqa: E402
+from mbf_relay.ros.common.rospy_patches import receiving  # noqa: E402
 
 OF_THE_MACHINE = (
     "the machine is too slow for it", "the robot drives slower until that is less",
@@ -103,6 +103,6 @@ class Witness:
 
 def start_test_node(name: str) -> None:
     """Start this process's node and wait for the simulated clock."""
-    receive_with_less()
+    receiving.apply_patches()
     rospy.init_node(name)
     wait_until(lambda: rospy.get_time() != 0.0, "/clock", 60.0)

@@ -128,7 +128,7 @@ def test_a_robots_memory_is_not_filled_with_libraries_no_node_needs():
     ]
     code = (
         "import importlib, sys; from mbf_relay.ros.common.rospy_patches.lazy_modules import *; "
-        "spare_what_nobody_uses(); "
+        "import_lazily(); "
         f"[importlib.import_module(name) for name in {nodes + plugins}]; "
         "print(*(name for name, module in sys.modules.items() if type(module) is not LazyModule))"
     )

@@ -44,7 +44,7 @@ class PlainRecord(logging.LogRecord):
         return self._text
 
 
-def complain_once() -> None:
+def report_unwritable_log_once() -> None:
     """Report a log that cannot be written by one line, not by a traceback for each record; before init_node."""
     told = False
 

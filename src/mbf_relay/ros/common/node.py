@@ -123,22 +123,15 @@ def _import_rospy() -> None:
     import logging
 
     from mbf_relay.ros.common import logs
-    from mbf_relay.ros.common.rospy_patches.lazy_modules import spare_what_nobody_uses
+    from mbf_relay.ros.common.rospy_patches.lazy_modules import import_lazily
 
     logging.setLogRecordFactory(logs.PlainRecord)
-    logs.complain_once()
-    spare_what_nobody_uses()
-    from mbf_relay.ros.common.rospy_patches.accepting import accept_in_threads
-    from mbf_relay.ros.common.rospy_patches.connecting import connect_surely
-    from mbf_relay.ros.common.rospy_patches.receiving import receive_with_less
-    from mbf_relay.ros.common.rospy_patches.sending import send_with_less
-    from mbf_relay.ros.common.rospy_patches.starting import start_soon
+    logs.report_unwritable_log_once()
+    import_lazily()
+    from mbf_relay.ros.common.rospy_patches import accepting, connecting, receiving, sending, starting
 
-    accept_in_threads()
-    connect_surely()
-    start_soon()
-    receive_with_less()
-    send_with_less()
+    for module in (accepting, connecting, starting, receiving, sending):
+        module.apply_patches()
 
 
 def _run_main(name: str, main: Callable[[], None], ending: NodeEnding) -> int:

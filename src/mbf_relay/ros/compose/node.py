@@ -101,10 +101,10 @@ def preload(names: Sequence[str]) -> None:
         names: Names of the nodes' executables.
     """
     from mbf_relay.ros.common.node import ALGEBRA_THREADS, spare_what_stays
-    from mbf_relay.ros.common.rospy_patches.lazy_modules import spare_what_nobody_uses
+    from mbf_relay.ros.common.rospy_patches.lazy_modules import import_lazily
 
     os.environ.setdefault(ALGEBRA_THREADS, "1")  # before NumPy is imported
-    spare_what_nobody_uses()
+    import_lazily()
     for name in (*WHEN_NEEDED, *(MEMBERS[name].place.rpartition(".")[0] for name in names)):
         import_or_exit(name)
     spare_what_stays()  # a collection writes to each object, after which its memory page is no longer shared

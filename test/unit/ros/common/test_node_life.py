@@ -16,7 +16,7 @@ def closing(monkeypatch):
     monkeypatch.setattr(node, "_wait_for_master", lambda _name: None)
     monkeypatch.setattr(rospy.core, "_in_shutdown", False)
     monkeypatch.setattr(rospy.core, "_shutdown_flag", False)
-    for name in ("complain_once", "log_without_waiting", "log_without_master"):
+    for name in ("report_unwritable_log_once", "log_without_waiting", "log_without_master"):
         monkeypatch.setattr(logs, name, lambda: None)
     monkeypatch.setattr(master_watch, "MasterWatch", lambda _start_again: None)
 

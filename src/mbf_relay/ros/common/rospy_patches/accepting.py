@@ -55,7 +55,7 @@ _served_lock = threading.Lock()  # guards it
 _handler_locks = NamedLocks()
 
 
-def accept_in_threads() -> None:
+def apply_patches() -> None:
     """Apply this module's patches to rospy; before rospy.init_node."""
     TCPServer.run = accept_all
     TCPROSServer._tcp_server_callback = start_handshake

@@ -36,7 +36,7 @@ _connect_as_rospy = ROSHandler._connect_topic
 _locks = NamedLocks()
 
 
-def connect_surely() -> None:
+def apply_patches() -> None:
     """Apply this module's patches to rospy; before rospy.init_node."""
     ROSHandler._connect_topic = connect_topic
     tcpros_pubsub.robust_connect_subscriber = connect_and_receive

@@ -109,14 +109,14 @@ class LazyFinder:
         return spec
 
 
-def spare_what_nobody_uses() -> None:
+def import_lazily() -> None:
     """Make UNUSED modules and the modules of messages lazy; call in the main thread, before they are imported."""
     if not any(isinstance(finder, LazyFinder) for finder in sys.meta_path):
         sys.meta_path[:0] = [LazyFinder(UNUSED), MessageFinder()]
-        _spare_pydoc()
+        _leave_out_pydoc()
 
 
-def _spare_pydoc() -> None:
+def _leave_out_pydoc() -> None:
     """Import xmlrpc.server without pydoc, of which it only needs a base class of its HTML documentation."""
     if "xmlrpc.server" in sys.modules or "pydoc" in sys.modules:
         return

@@ -30,7 +30,7 @@ _LENGTH = struct.Struct("<I")
 _receive_as_rospy = TCPROSTransport.receive_once
 
 
-def receive_with_less() -> None:
+def apply_patches() -> None:
     """Apply this module's patches to rospy; before rospy.init_node."""
     TCPROSTransport.receive_once = receive_once
     rospy.impl.simtime._set_rostime_clock_wrapper = _clock.take

@@ -26,7 +26,7 @@ SMALL = 4096
 _publish_as_rospy = rospy.topics._PublisherImpl.publish
 
 
-def send_with_less() -> None:
+def apply_patches() -> None:
     """Apply this module's patches to rospy; before the first publisher."""
     rospy.topics.QueuedConnection = DirectConnection
     rospy.topics._PublisherImpl.publish = publish_alone

@@ -30,7 +30,7 @@ class SlowingClock:
         self._pause *= 2.0
 
 
-def start_soon() -> None:
+def apply_patches() -> None:
     """Apply this module's patches to rospy; before rospy.init_node.
 
     init_node sleeps 0.1 s for a registration that takes 5 ms, and reads the manifests of all packages to find its

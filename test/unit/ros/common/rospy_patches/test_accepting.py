@@ -238,7 +238,7 @@ def test_threads_do_not_pile_up_where_cables_are_cut_in_xml_rpc(monkeypatch):
     monkeypatch.setattr(accepting, "_xmlrpc_calls", threading.Semaphore(3))
     for name in ("process_request", "process_request_thread"):
         monkeypatch.setattr(ThreadingXMLRPCServer, name, getattr(ThreadingXMLRPCServer, name))
-    accepting.accept_in_threads()
+    accepting.apply_patches()
     before = threading.active_count()
     node = XmlRpcNode(rpc_handler=None)
     node._run_init()

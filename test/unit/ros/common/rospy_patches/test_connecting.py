@@ -168,6 +168,6 @@ def test_who_stops_listening_while_refused_is_not_connected_any_more(monkeypatch
 def test_a_node_connects_so(monkeypatch):
     monkeypatch.setattr(tcpros_pubsub, "robust_connect_subscriber", tcpros_pubsub.robust_connect_subscriber)
     monkeypatch.setattr(connecting.ROSHandler, "_connect_topic", connecting.ROSHandler._connect_topic)
-    connecting.connect_surely()
+    connecting.apply_patches()
     assert tcpros_pubsub.robust_connect_subscriber is connecting.connect_and_receive
     assert connecting.ROSHandler._connect_topic is connecting.connect_topic

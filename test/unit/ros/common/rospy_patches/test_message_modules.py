@@ -8,7 +8,7 @@ import pytest
 pytest.importorskip("sensor_msgs")
 
 PREPARE = (
-    "import importlib, sys; from mbf_relay.ros.common.rospy_patches.lazy_modules import *; spare_what_nobody_uses(); "
+    "import importlib, sys; from mbf_relay.ros.common.rospy_patches.lazy_modules import *; import_lazily(); "
 )
 PACKAGES = ("actionlib_msgs", "geometry_msgs", "nav_msgs", "sensor_msgs", "std_msgs", "std_srvs", "visualization_msgs")
 

@@ -200,7 +200,7 @@ def test_simulated_time_is_shown_and_wakes_who_waits_for_it(monkeypatch):
 def test_all_that_a_node_receives_comes_this_way(monkeypatch):
     monkeypatch.setattr(TCPROSTransport, "receive_once", None)
     monkeypatch.setattr("rospy.impl.simtime._set_rostime_clock_wrapper", None)
-    receiving.receive_with_less()
+    receiving.apply_patches()
     assert TCPROSTransport.receive_once is receiving.receive_once
     assert rospy.impl.simtime._set_rostime_clock_wrapper == receiving._clock.take
 

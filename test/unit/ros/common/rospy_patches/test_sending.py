@@ -101,7 +101,7 @@ def sends_with_less(monkeypatch):
     """Have rospy publish as in a node."""
     monkeypatch.setattr(rospy.topics, "QueuedConnection", None)
     monkeypatch.setattr(rospy.topics._PublisherImpl, "publish", rospy.topics._PublisherImpl.publish)
-    sending.send_with_less()
+    sending.apply_patches()
 
 
 def test_all_that_a_node_publishes_goes_this_way(sends_with_less):

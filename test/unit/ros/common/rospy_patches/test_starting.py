@@ -38,20 +38,20 @@ def test_logging_is_configured_by_the_file_rospy_would_find_among_all_packages(m
 @pytest.mark.parametrize("ending", ["conf", "yaml"])
 def test_a_users_own_file_goes_before_rosgraphs(tmp_path, folder, ending):
     path = own_file(tmp_path / folder, ending)
-    starting.start_soon()
+    starting.apply_patches()
     assert os.environ[starting.LOGGING] == path
 
 
 def test_what_the_user_names_stays(monkeypatch, tmp_path):
     own_file(tmp_path / "config", "conf")
     monkeypatch.setenv(starting.LOGGING, "mine.conf")
-    starting.start_soon()
+    starting.apply_patches()
     assert os.environ[starting.LOGGING] == "mine.conf"
 
 
 def test_where_rosgraph_lies_elsewhere_rospy_looks_for_it_itself(monkeypatch, tmp_path):
     monkeypatch.setenv("ROS_PACKAGE_PATH", str(tmp_path))
-    starting.start_soon()
+    starting.apply_patches()
     assert starting.LOGGING not in os.environ
 
 
@@ -68,7 +68,7 @@ def test_the_masters_answer_is_looked_for_at_once_and_then_ever_less_often(monke
 def test_rospy_waits_by_it(monkeypatch):
     import rospy.impl.init
 
-    starting.start_soon()
+    starting.apply_patches()
     assert isinstance(rospy.impl.init.time, starting.SlowingClock)
 
 
@@ -76,6 +76,6 @@ def test_rospy_waits_by_it(monkeypatch):
 def test_the_master_is_asked_for_statistics_once_and_not_for_each_subscription(monkeypatch, answer):
     asked = []
     monkeypatch.setattr("rospy.get_param", lambda *names: asked.append(names) or answer)
-    starting.start_soon()
+    starting.apply_patches()
     assert {SubscriberStatisticsLogger.is_enabled() for _ in range(5)} == {answer}
     assert asked == [("/enable_statistics", False)]
