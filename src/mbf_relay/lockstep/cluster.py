@@ -80,8 +80,8 @@ class DaskCluster:
         self._asked: Dict[Any, str] = {}  # address of the worker that is asked for its sources, by future
         self._threads: Dict[str, int] = {}  # number of threads of each worker, by address
         self._time_limit = 0.0
-        self._looked = float("-inf")
-        self._look_under_way: Optional[concurrent.futures.Future] = None
+        self._query: Optional[concurrent.futures.Future] = None  # of the list of workers, under way
+        self._queried_at = float("-inf")
         self._told = ""
 
     def run(
@@ -97,7 +97,7 @@ class DaskCluster:
         flying: Dict[Any, _Piece] = {}
         try:
             while waiting or flying:
-                self._look()
+                self._update_workers()
                 self._send_all(call, waiting, flying)
                 gone = [(future, _Unfit(GONE)) for future, piece in flying.items() if piece.worker not in self._fit]
                 for future, value in chain(gone, self._arrived(flying)):
@@ -139,7 +139,7 @@ class DaskCluster:
             if future in self._asked:
                 self._judge(future)
             elif future in flying:  # else it belongs to a lost worker, or to an earlier run that was aborted
-                yield future, self._value(future)
+                yield future, self._result_of(future)
 
     def _wait(self) -> List[Any]:
         """Return the futures that have finished, after LOOK at most."""
@@ -151,38 +151,44 @@ class DaskCluster:
             ended.append(self._ended.get())
         return ended
 
-    def _value(self, future: Any) -> Any:
+    def _result_of(self, future: Any) -> Any:
         """Return the result of a finished future: a value, Lost where the work failed, _Unfit where it did not run."""
         if future.status == "cancelled":
             self._require_scheduler()
             return Lost("was cancelled at the scheduler")
-        coming = self._in_loop(self._client.gather([future], asynchronous=True))
-        begun = self._clock()
-        while not concurrent.futures.wait([coming], LOOK).done:
-            if future.status in ("pending", "lost") or self._clock() - begun > GATHERING:
-                return _Unfit(GONE)
-            self._look()  # raises where the scheduler is gone, which knows where the result is
-        error = None if coming.cancelled() else coming.exception()
-        if coming.cancelled() or type(error).__name__ == "KilledWorker":
+        fetched = self._fetched(future)
+        if fetched is None or fetched.cancelled():
             return _Unfit(GONE)
+        error = fetched.exception()
         if error is None:
-            (answer,) = coming.result()
+            (answer,) = fetched.result()
             return _Unfit(answer[1].decode()) if answer[0] == driver.REFUSED else value_of(answer)
+        if type(error).__name__ == "KilledWorker":
+            return _Unfit(GONE)
         if isinstance(error, ImportError):
             return _Unfit(f"cannot work: {error}")
         return Lost(f"{type(error).__name__}: {error}")
 
-    def _look(self) -> None:
-        """Update the list of workers, once in LOOK, and ask new ones for their sources."""
-        if self._clock() - self._looked < LOOK and self._look_under_way is None:
+    def _fetched(self, future: Any) -> Optional[concurrent.futures.Future]:
+        """Fetch the result of a finished future from its worker; None where that is lost meanwhile."""
+        coming = self._in_loop(self._client.gather([future], asynchronous=True))
+        begun = self._clock()
+        while not concurrent.futures.wait([coming], LOOK).done:
+            if future.status in ("pending", "lost") or self._clock() - begun > GATHERING:
+                return None
+            self._update_workers()  # raises where the scheduler is gone, which knows where the result is
+        return coming
+
+    def _update_workers(self) -> None:
+        """Query the list of workers, once in LOOK, and ask new ones for their sources."""
+        if self._query is None and self._clock() - self._queried_at < LOOK:
             return
         self._require_scheduler()
-        threads = self._threads_now()
+        threads = self._queried()
         if threads is None:
             return
         self._threads = threads
-        for gone in set(self._fit) - set(threads):
-            del self._fit[gone]
+        self._fit = {address: is_fit for address, is_fit in self._fit.items() if address in threads}
         for future in [future for future, address in self._asked.items() if address not in threads]:
             del self._asked[future]
             future.release()
@@ -191,19 +197,17 @@ class DaskCluster:
             self._asked[self._send(work, address)] = address
         self._tell("" if threads else f"no worker is at {self._client.scheduler.address} yet; waiting for one")
 
-    def _threads_now(self) -> Optional[Dict[str, int]]:
+    def _queried(self) -> Optional[Dict[str, int]]:
         """Return the number of threads of each worker by address; None where the scheduler has not answered yet."""
-        if self._look_under_way is None:
-            self._looked = self._clock()
-            self._look_under_way = self._in_loop(self._client.scheduler.ncores())
-        look = self._look_under_way
-        if not concurrent.futures.wait([look], LOOK).done:
-            if self._clock() - self._looked > CONNECTING:
+        if self._query is None:
+            self._query, self._queried_at = self._in_loop(self._client.scheduler.ncores()), self._clock()
+        if not concurrent.futures.wait([self._query], LOOK).done:
+            if self._clock() - self._queried_at > CONNECTING:
                 self._tell(f"the scheduler at {self._client.scheduler.address} does not answer; waiting for it")
             return None
-        self._look_under_way = None
+        answer, self._query = self._query, None
         try:
-            return dict(look.result())
+            return dict(answer.result())
         except (OSError, concurrent.futures.TimeoutError):
             return None  # the connection broke; the client notices whether the scheduler is gone
 
@@ -224,7 +228,7 @@ class DaskCluster:
             ClusterError: No worker is.
         """
         address = self._asked.pop(future)
-        found = self._value(future)
+        found = self._result_of(future)
         future.release()
         if found == GONE:
             return  # if the worker still exists, it is asked again

@@ -196,7 +196,7 @@ def test_a_batch_goes_on_whose_only_worker_dies_while_it_is_asked_for_its_source
     future = type("Future", (), {"release": lambda self: None})()
     cluster._asked = {future: "tcp://127.0.0.1:1"}
     cluster._fit["tcp://127.0.0.1:2"] = False  # of other sources
-    monkeypatch.setattr(cluster, "_value", lambda future: _Unfit(GONE))
+    monkeypatch.setattr(cluster, "_result_of", lambda future: _Unfit(GONE))
     cluster._judge(future)
     assert not told and not cluster._asked, "it may come back, and is asked then"
 
