@@ -17,18 +17,24 @@ from mbf_relay.ros.waypoint_follower import node as waypoint_follower  # noqa: E
 
 
 class PaperGoal:
-    """A goal of the action."""
+    """A goal of the action, to one place if nothing else is said."""
 
-    def __init__(self, name):
-        self.name, self.ends = name, []
-        for way in ("accepted", "canceled", "aborted", "succeeded"):
-            setattr(self, f"set_{way}", lambda *_, way=way: self.ends.append(way))
+    def __init__(self, name, **wanted):
+        self.name, self.ends, self.texts = name, [], []
+        self.wanted = FollowWaypointsGoal(**{"poses": [PoseStamped()], **wanted})
+        for way in ("accepted", "rejected", "canceled", "aborted", "succeeded"):
+            setattr(self, f"set_{way}", lambda *told, way=way: self.end(way, *told))
+
+    def end(self, way, *told):
+        self.ends.append(way)
+        self.missed = told[0].missed_waypoints if told else []
+        self.texts += told[1:]
 
     def get_goal_id(self):
         return GoalID(id=self.name)
 
     def get_goal(self):
-        return FollowWaypointsGoal(poses=[PoseStamped()])
+        return self.wanted
 
     def publish_feedback(self, _feedback):
         pass
@@ -38,10 +44,18 @@ class PaperMoveBase:
     """Never arrives; keeps what it was sent."""
 
     def __init__(self):
-        self.sent = []
+        self.sent, self.options = [], {}
+
+    def connect(self, _name, _action, **options):
+        self.options = options
+        return self
 
     def check(self):
         pass
+
+    def cancel_all(self):
+        for sent in self.sent:
+            sent.cancel()
 
     def send(self, _goal):
         sent = SimpleNamespace(ending=None, is_cancelled=False)
@@ -52,10 +66,10 @@ class PaperMoveBase:
 
 @pytest.fixture
 def follower(monkeypatch):
-    move_base = PaperMoveBase()
+    move_base, ends = PaperMoveBase(), []
     monkeypatch.setattr(waypoint_follower, "check_alone", lambda _action: None)
-    monkeypatch.setattr(waypoint_follower, "on_shutdown", lambda _words: None)
-    monkeypatch.setattr(waypoint_follower, "ActionClient", lambda *_, **__: move_base)
+    monkeypatch.setattr(waypoint_follower, "on_shutdown", ends.append)
+    monkeypatch.setattr(waypoint_follower, "ActionClient", move_base.connect)
     monkeypatch.setattr(
         waypoint_follower, "ActionServer",
         lambda _name, _type, take, cancel, **more: SimpleNamespace(
@@ -63,7 +77,7 @@ def follower(monkeypatch):
     monkeypatch.setattr(
         waypoint_follower, "WaypointTopics", lambda _parameters: SimpleNamespace(show=lambda _poses: None))
     node = waypoint_follower.WaypointFollowerNode(WaypointFollowerParameters())
-    return SimpleNamespace(node=node, move_base=move_base)
+    return SimpleNamespace(node=node, move_base=move_base, ends=ends)
 
 
 def test_a_robot_stands_where_the_goal_that_took_the_place_of_another_is_called_off_at_once(follower):
@@ -103,3 +117,74 @@ def test_who_calls_waypoints_off_is_not_warned_that_one_was_not_reached(follower
     follower.node.look(1.05)
     assert warned == warnings
     assert goal.ends == ["accepted", "canceled" if is_cancelled else "succeeded"]
+
+
+def test_a_robot_stands_where_a_goal_overtaken_by_its_cancel_finds_two_goals_one_of_them_not_begun(follower):
+    """It drove on for the first: whoever had replaced it was called off before move_base was given another goal."""
+    older, newer = PaperGoal("older"), PaperGoal("newer")
+    follower.node._server.overtaken_cb(PaperGoal("before there is any"))
+    follower.node._server.take(older)
+    follower.node.look(1.0)
+    follower.node._server.take(newer)
+    follower.node._server.overtaken_cb(PaperGoal("newest"))
+    assert [sent.is_cancelled for sent in follower.move_base.sent] == [True]
+    assert newer.ends == ["accepted", "canceled"]
+
+
+def test_who_calls_off_a_goal_that_has_ended_does_not_stop_the_next_one(follower):
+    older, newer = PaperGoal("older"), PaperGoal("newer")
+    follower.node._server.take(older)
+    follower.node._server.cancel(older)
+    follower.node.look(1.0)
+    follower.node._server.cancel(older)
+    follower.node._server.take(newer)
+    follower.node._server.cancel(older)
+    follower.node.look(1.05)
+    assert newer.ends == ["accepted"] and [sent.is_cancelled for sent in follower.move_base.sent] == [False]
+
+
+def test_a_goal_without_places_is_refused_and_the_robot_goes_on_to_those_of_the_last_one(follower):
+    running, empty = PaperGoal("running"), PaperGoal("empty", poses=[])
+    follower.node._server.take(running)
+    follower.node.look(1.0)
+    follower.node._server.take(empty)
+    assert empty.ends == ["rejected"] and running.ends == ["accepted"]
+    assert not follower.move_base.sent[0].is_cancelled
+
+
+@pytest.mark.parametrize("status, text, told", [
+    (GoalStatus.LOST, "move_base is gone", "move_base is gone"),
+    (GoalStatus.PREEMPTED, "", "move_base was given another goal, or called off")])
+def test_a_robot_that_somebody_else_sends_elsewhere_is_left_to_him(follower, status, text, told):
+    goal = PaperGoal("goal", poses=[PoseStamped()] * 3)
+    follower.node._server.take(goal)
+    follower.node.look(1.0)
+    follower.move_base.sent[0].ending = ActionEnding(status, text, None)
+    follower.node.look(1.05)
+    follower.node.look(1.1)
+    assert goal.ends == ["accepted", "aborted"] and goal.texts == [f"on the way to waypoint 0: {told}"]
+    assert goal.missed == [0] and len(follower.move_base.sent) == 1
+
+
+def test_a_robot_whose_follower_ends_or_dies_stands(follower):
+    """Of one that dies move_base hears no cancel; only its goals' leases end."""
+    goal = PaperGoal("goal")
+    follower.node._server.take(goal)
+    for now in (1.0, 1.05):
+        follower.node.look(now)
+    assert follower.move_base.options["leased"]
+    (close,) = follower.ends
+    close()
+    assert [sent.is_cancelled for sent in follower.move_base.sent] == [True]
+    assert goal.ends == ["accepted", "aborted"]
+
+
+def test_a_robot_stands_as_long_as_asked_at_each_waypoint(follower):
+    follower.node._server.take(PaperGoal("goal", poses=[PoseStamped()] * 2, waypoint_pause_duration=2.0))
+    follower.node.look(1.0)
+    follower.move_base.sent[0].ending = ActionEnding(GoalStatus.SUCCEEDED, "", None)
+    for now in (1.05, 2.0, 3.0):
+        follower.node.look(now)
+        assert len(follower.move_base.sent) == 1
+    follower.node.look(3.1)
+    assert len(follower.move_base.sent) == 2
