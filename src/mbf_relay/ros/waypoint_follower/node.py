@@ -95,7 +95,7 @@ class WaypointFollowerNode:
         assert goal is not None
         if self._cancelled:
             self._end("canceled", f"called off on the way to waypoint {follower.current}")
-        elif follower.is_over and follower.has_failed:
+        elif follower.has_failed:
             self._end("aborted", f"waypoint {follower.current} was not reached: {self._why}")
         elif follower.is_over:
             self._end("succeeded", f"{len(follower.missed)} of the waypoints were missed" if follower.missed else "")
