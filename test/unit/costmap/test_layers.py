@@ -219,6 +219,7 @@ def test_a_scan_leaves_the_same_cells_however_often_they_are_updated_on_it(persi
                     costmap.clear(around=robot, side=1.0, inside=step % 2 == 0)
                 costmap.update(step + 0.1 * update, robot)
             assert (once.snapshot().costs == anew.snapshot().costs).all(), f"update {update} on scan {step}"
+            assert (once.layers[0].costs == anew.layers[0].costs).all(), "what is known to be free differs"
 
 
 def test_what_is_not_seen_any_more_is_gone_where_the_robot_has_stood_and_there_alone():
