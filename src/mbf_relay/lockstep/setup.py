@@ -5,7 +5,7 @@ from __future__ import annotations
 import copy
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Dict, Iterable, List, Mapping, Optional, Sequence, Tuple, Type
+from typing import Any, Dict, Iterable, Iterator, List, Mapping, Optional, Sequence, Tuple, Type
 
 import numpy as np
 
@@ -52,7 +52,7 @@ OF_THE_NODE = {*AmclParameters.names(), *NODE_ONLY} - {*LocalizerParameters.name
 TOLD = (IGNORED, CLAMPED, STOOD_IN, DOUBTFUL)
 """Kinds of findings about the server's parameters that a user's own ones are noted for."""
 RESOLUTION = "--map-resolution"
-"""Name under which `_idle` reports the map resolution: it is an option, not a parameter of a node."""
+"""Name under which `_idle` yields the map resolution: it is an option, not a parameter of a node."""
 
 
 @dataclass(frozen=True)
@@ -130,10 +130,10 @@ def make_setup(
     notes += [f"robot '{model.name}': {warning}" for warning in model.warnings]
     setup = Setup(settings, localization, prior_map, controller, planner, map_resolution, model, after_contact)
     changed = [*flatten(own_part(settings, files)), *([RESOLUTION] if map_resolution != MAP_RESOLUTION else [])]
-    return replace(setup, notes=(*notes, *_idle(changed, setup, tasks)))
+    return replace(setup, notes=(*notes, *_notes_on_idle(changed, setup, tasks)))
 
 
-def _idle(changed: Iterable[str], setup: Setup, tasks: Sequence[EpisodeTask]) -> List[str]:
+def _notes_on_idle(changed: Iterable[str], setup: Setup, tasks: Sequence[EpisodeTask]) -> List[str]:
     """Return a note for each changed parameter that has no effect in these drives, with the reason.
 
     Args:
@@ -141,26 +141,36 @@ def _idle(changed: Iterable[str], setup: Setup, tasks: Sequence[EpisodeTask]) ->
         setup: The setup.
         tasks: The tasks to drive, where they are known.
     """
-    reasons = {f"simulator.{name}": "no part of them listens to that sensor" for name in UNHEARD}
+    reasons = dict(_idle(setup, tasks))
+    return [f"{name}: has no effect in these drives: {why}" for name in changed for idle, why in reasons.items()
+            if f"{name}.".startswith(f"{idle}.")]
+
+
+def _idle(setup: Setup, tasks: Sequence[EpisodeTask]) -> Iterator[Tuple[str, str]]:
+    """Yield each parameter, or group of them, that has no effect in these drives, with the reason."""
+    for name in UNHEARD:
+        yield f"simulator.{name}", "no part of them listens to that sensor"
     if setup.localization != AMCL:
-        reasons["amcl"] = f"the pose comes from {setup.localization}, not from amcl"
+        yield "amcl", f"the pose comes from {setup.localization}, not from amcl"
     else:
-        reasons.update({f"amcl.{name}": "it is of amcl as a node, and its filter alone drives" for name in OF_THE_NODE})
+        for name in OF_THE_NODE:
+            yield f"amcl.{name}", "it is of amcl as a node, and its filter alone drives"
         if tasks and all(task.initial_pose is not None for task in tasks):
-            why = "the worlds say where the robot starts"
-            reasons.update({f"amcl.{name}": why for name in INITIAL if "pose" in name})
-    if tasks and all(task.given_map is not None for task in tasks):
-        reasons[RESOLUTION] = "the worlds have maps of their own"
+            for name in INITIAL:
+                if "pose" in name:
+                    yield f"amcl.{name}", "the worlds say where the robot starts"
     if setup.map == NONE:
-        reasons[RESOLUTION] = "the robot has no map"
-        why = "without a map the global costmap is laid round start and goals"
-        reasons.update({f"{SERVER}.global_costmap.{name}": why for name in LAID})
+        yield RESOLUTION, "the robot has no map"
+        for name in LAID:
+            yield f"{SERVER}.global_costmap.{name}", "without a map the global costmap is laid round start and goals"
+    elif tasks and all(task.given_map is not None for task in tasks):
+        yield RESOLUTION, "the worlds have maps of their own"
     for kind, asked in (("controllers", setup.controller), ("planners", setup.planner)):
-        first, *others = [entry["name"] for entry in setup.settings[SERVER].get(kind, [])] or [""]
-        chosen = asked or first
-        reasons.update({f"{SERVER}.{name}": f"{chosen} takes its place" for name in (first, *others) if name != chosen})
-    return [f"{name}: has no effect in these drives: {why}" for name in changed for begin, why in reasons.items()
-            if f"{name}.".startswith(f"{begin}.")]
+        names = [entry["name"] for entry in setup.settings[SERVER].get(kind, [])]
+        for name in names:
+            chosen = asked or names[0]
+            if name != chosen:
+                yield f"{SERVER}.{name}", f"{chosen} takes its place"
 
 
 def _notes_on(settings: Settings, packages: Settings) -> List[str]:
