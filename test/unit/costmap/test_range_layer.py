@@ -25,11 +25,11 @@ def costmap_with(rolling=False, **layer):
     })
 
 
-def hear(costmap, distance, sensor=PLACES[0], hit=True, now=1.0, cone=CONE):
+def hear(costmap, distance, sensor=PLACES[0], hit=True, now=1.0, cone=CONE, robot=IDENTITY):
     angles = 0.5 * cone * np.array([-1.0, 0.0, 1.0])
     ends = sensor.transform_points(distance * np.column_stack((np.cos(angles), np.sin(angles))))
     costmap.observe(TOPIC, Observation((sensor.x, sensor.y), ends, np.full(3, hit), now, heading=sensor.theta), now)
-    costmap.update(now, IDENTITY)
+    costmap.update(now, robot)
 
 
 def cost(costmap, x, y):
@@ -144,13 +144,32 @@ def test_a_robot_whose_sonar_falls_silent_stands_where_that_is_asked_for():
 
 
 def test_what_a_sonar_saw_stays_where_it_is_while_the_window_rolls_and_is_forgotten_when_cleared():
-    costmap = costmap_with(rolling=True)
+    costmap, robot = costmap_with(rolling=True), Pose2D(0.5, 0.3, 0.4)
     hear(costmap, 0.8)
-    costmap.update(1.1, Pose2D(0.5, 0.3, 0.4))
+    costmap.update(1.1, robot)
     assert cost(costmap, 0.8, 0.0) == LETHAL
-    costmap.clear()
-    costmap.update(1.2, Pose2D(0.5, 0.3, 0.4))
+    hear(costmap, 1.2, Pose2D(0.0, 0.0, 0.6), now=1.15, robot=robot)
+    assert cost(costmap, 0.8, 0.0) == LETHAL, "a look past it moved it along with the robot"
+    costmap.clear(around=Pose2D(0.8, 0.0, 0.0), side=0.5, inside=False)
+    costmap.update(1.2, robot)
+    assert cost(costmap, 0.8, 0.0) == LETHAL
+    costmap.clear(around=robot, side=0.3, inside=False)
+    costmap.update(1.25, robot)
     assert cost(costmap, 0.8, 0.0) != LETHAL
+    hear(costmap, 0.8, now=1.3, robot=robot)
+    costmap.clear()
+    costmap.update(1.4, robot)
+    assert cost(costmap, 0.8, 0.0) != LETHAL
+
+
+def test_a_robot_whose_sonar_has_nothing_to_say_drives_where_nothing_else_is_asked_for():
+    costmap = costmap_with()
+    costmap.update(1.0, IDENTITY)
+    assert costmap.stale_reason(1.0) is None
+    hear(costmap, 0.8)
+    costmap.observe(TOPIC, Observation((0.0, 0.0), np.zeros((0, 2)), np.zeros(0, bool), 1.1), 1.1)
+    costmap.update(1.1, IDENTITY)
+    assert costmap.stale_reason(1.1) is None and cost(costmap, 0.8, 0.0) == LETHAL
 
 
 def test_a_layer_whose_numbers_contradict_each_other_or_that_hears_nothing_is_named():
