@@ -140,7 +140,7 @@ class RangeSensorLayer(CellLayer):
         else:
             self._probability.fill(UNDECIDED)
             self._probability[window.slices] = kept
-        self._show(window if inside else Window.of(self.grid))
+        self._show(Window.of(self.grid))
 
     def _take(self, reading: Observation) -> None:
         """Update the probabilities of the cells in a reading's cone (Bayes' rule)."""
