@@ -41,6 +41,14 @@ def positive(text: str) -> int:
     return value
 
 
+def random_seed(text: str) -> int:
+    """Parse an option that seeds random numbers, an integer from 0 to 2^32 - 1; ArgumentTypeError otherwise."""
+    value = int(text) if text.strip().isdecimal() else -1
+    if not 0 <= value < 1 << 32:
+        raise argparse.ArgumentTypeError(f"'{text}' is no seed; it must be a whole number from 0 to {(1 << 32) - 1}")
+    return value
+
+
 def finite(text: str) -> float:
     """Parse an option that is a finite number; ArgumentTypeError otherwise."""
     try:

@@ -15,6 +15,7 @@ from typing import Any, Dict, List, Mapping, Optional, Sequence, Tuple
 import numpy as np
 
 from mbf_relay import files
+from mbf_relay.commands import random_seed
 from mbf_relay.geometry import Pose2D, degrees_told
 from mbf_relay.localization.logs import RecordedLog, doubts_on_times, load_log
 from mbf_relay.localization.node_parameters import (
@@ -46,7 +47,7 @@ def parse_arguments(arguments: Optional[List[str]] = None) -> argparse.Namespace
         "repeat for further maps",
     )
     parser.add_argument("--params", metavar="FILE", help="amcl's parameters, a YAML file (default: amcl's defaults)")
-    parser.add_argument("--seed", type=int, default=0, metavar="N", help="seed of the filter (default 0)")
+    parser.add_argument("--seed", type=random_seed, default=0, metavar="N", help="seed of the filter (default 0)")
     parser.add_argument(
         "--seeds", type=int, default=1, metavar="N", help="number of seeds to run, from --seed on (default 1)")
     parser.add_argument(

@@ -13,7 +13,7 @@ from typing import Any, Callable, List, Optional, Sequence, Tuple
 
 import numpy as np
 
-from mbf_relay.commands import positive
+from mbf_relay.commands import positive, random_seed
 
 Tell = Callable[[str], None]
 """Takes a line for the user."""
@@ -78,7 +78,7 @@ def main(arguments: Optional[Sequence[str]] = None) -> int:
         ("generations", 15, positive, "rounds of drawing policies and keeping the best"),
         ("policies", 20, positive, "policies drawn in each round"),
         ("episodes", 3, positive, "episodes each policy drives"),
-        ("seed", 1, int, "seed of worlds and policies"),
+        ("seed", 1, random_seed, "seed of worlds and policies"),
     ):
         parser.add_argument(
             f"--{name}", type=kind, default=value, metavar="N", help=f"{meaning} (default {value})")

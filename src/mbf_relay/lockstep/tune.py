@@ -15,7 +15,7 @@ from urllib.parse import quote
 
 import yaml
 
-from mbf_relay.commands import positive
+from mbf_relay.commands import positive, random_seed
 from mbf_relay.files import parse_yaml, read_text
 from mbf_relay.lockstep import tune_picture
 from mbf_relay.lockstep.batch import settings_of
@@ -276,7 +276,7 @@ def _parse(arguments: Sequence[str]) -> argparse.Namespace:
         "--together", type=positive, default=1, metavar="N",
         help="trials at a time, for more cores than episodes; they do not learn from each other (default 1)",
     )
-    parser.add_argument("--seed", type=int, default=1, metavar="N", help="seed of the search (default 1)")
+    parser.add_argument("--seed", type=random_seed, default=1, metavar="N", help="seed of the search (default 1)")
     parser.add_argument("--seeds", type=seeds, default=[1], metavar="N|A-B",
                         help="drive each world with seeds 1 to N, or A to B (default 1)")
     add_setup_options(parser)

@@ -12,7 +12,7 @@ from typing import Any, Callable, Dict, Optional, Sequence
 
 import numpy as np
 
-from mbf_relay.commands import positive
+from mbf_relay.commands import positive, random_seed
 from mbf_relay.simulation.difficulty import CELL, difficulty_of
 from mbf_relay.simulation.generators import KINDS, generate
 from mbf_relay.simulation.sdf import read_sdf
@@ -132,7 +132,7 @@ def _parse(arguments: Sequence[str]) -> argparse.Namespace:
     parser.add_argument(
         "--count", type=positive, default=100, metavar="N", help="number of worlds to generate (default 100)")
     parser.add_argument(
-        "--seed", type=int, default=1, metavar="N",
+        "--seed", type=random_seed, default=1, metavar="N",
         help="seed of the first world (default 1); equal seeds give equal worlds")
     for name, pose in (("start", BARN_START), ("goal", BARN_GOAL)):
         parser.add_argument(f"--{name}", type=float, nargs=3, default=pose, metavar=("X", "Y", "YAW"),
