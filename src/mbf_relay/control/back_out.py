@@ -110,18 +110,8 @@ class BackOut:
         if abs(error) < ASKEW:
             return
         self._best_left = min(self._best_left, path.remaining)
-        bends = CURVATURES if parameters.max_vel_theta > 0.0 else CURVATURES[:1]
-        signs = np.repeat([-1.0, 1.0] if parameters.min_vel_x < 0.0 else [1.0], len(bends))
-        curvatures = np.resize(bends, len(signs)) / width
-        arcs = _arcs(pose, checker, REACH * width, signs, curvatures)
-        stride = max(1, round(LEAST * width / arcs.step))
-        which, steps = np.nonzero(np.arange(1, arcs.poses.shape[1] + 1) <= arcs.free[:, None])
-        kept = (steps + 1) % stride == 0
-        which, steps = which[kept], steps[kept]
-        ends, lengths = arcs.poses[which, steps], arcs.step * (steps + 1)
-        lateral = path.project(ends, -math.inf, math.inf)[:, 0]
-        turns = normalize_angles(np.arctan2(ahead[1] - ends[:, 1], ahead[0] - ends[:, 0]) - ends[:, 2])
-        costs = lengths + lateral + TURN_WORTH * width * _turns_not_free(ends, turns, checker)
+        arcs = _arc_ends(pose, path, ahead, checker, parameters)
+        lengths, costs = arcs.lengths, arcs.costs
         way = self.trail.way_back(pose, checker) if parameters.min_vel_x < 0.0 else None
         if way is not None:
             steps_back, costs_back = _turning_places(way, path, checker)
@@ -131,11 +121,11 @@ class BackOut:
         if not np.isfinite(costs).any():
             return
         best = int(np.argmin(costs))
-        if best < len(which):
-            self._sign, self._curvature = float(signs[which[best]]), float(curvatures[which[best]])
-            self._set_out(pose, ends[best], lengths[best], None)
+        if best < len(arcs.costs):
+            self._sign, self._curvature = float(arcs.signs[best]), float(arcs.curvatures[best])
+            self._set_out(pose, arcs.poses[best], lengths[best], None)
         elif way is not None:
-            way.cut(int(steps_back[best - len(which)]))
+            way.cut(int(steps_back[best - len(arcs.costs)]))
             self._set_out(pose, way.poses[-1], lengths[best], way)
 
     def _set_out(self, pose: Pose2D, end: np.ndarray, length: float, way: Optional[Way]) -> None:
@@ -182,6 +172,48 @@ class BackOut:
         wanted_turn = max(0.0, self._sign * speed) * self._curvature
         turn = min(velocity.theta + most, max(velocity.theta - most, wanted_turn))
         return Twist2D(speed, 0.0, min(top_turn, max(-top_turn, turn)))
+
+
+class _ArcEnds(NamedTuple):
+    """Ends of arcs that begin at the robot and are free; an arc has several.
+
+    Attributes:
+        signs, curvatures: Shape (K,): of the arc; see `_arcs`.
+        poses: Shape (K, 3).
+        lengths: Shape (K,): distance (m) along the arc.
+        costs: Shape (K,): what it costs to turn there (m).
+    """
+
+    signs: np.ndarray
+    curvatures: np.ndarray
+    poses: np.ndarray
+    lengths: np.ndarray
+    costs: np.ndarray
+
+
+def _arc_ends(
+    pose: Pose2D, path: LocalPath, ahead: np.ndarray, checker: FootprintChecker, parameters: FollowerParameters
+) -> _ArcEnds:
+    """Return where the robot might back out to, in steps of LEAST widths along each arc.
+
+    Args:
+        pose, path, checker, parameters: The robot's pose, its path, the obstacles, and its limits.
+        ahead: The point (2,) that the robot is to turn to.
+    """
+    width = checker.costmap.width
+    bends = CURVATURES if parameters.max_vel_theta > 0.0 else CURVATURES[:1]
+    signs = np.repeat([-1.0, 1.0] if parameters.min_vel_x < 0.0 else [1.0], len(bends))
+    curvatures = np.resize(bends, len(signs)) / width
+    arcs = _arcs(pose, checker, REACH * width, signs, curvatures)
+    stride = max(1, round(LEAST * width / arcs.step))
+    which, steps = np.nonzero(np.arange(1, arcs.poses.shape[1] + 1) <= arcs.free[:, None])
+    kept = (steps + 1) % stride == 0
+    which, steps = which[kept], steps[kept]
+    ends, lengths = arcs.poses[which, steps], arcs.step * (steps + 1)
+    lateral = path.project(ends, -math.inf, math.inf)[:, 0]
+    turns = normalize_angles(np.arctan2(ahead[1] - ends[:, 1], ahead[0] - ends[:, 0]) - ends[:, 2])
+    costs = lengths + lateral + TURN_WORTH * width * _turns_not_free(ends, turns, checker)
+    return _ArcEnds(signs[which], curvatures[which], ends, lengths, costs)
 
 
 class _Arcs(NamedTuple):
