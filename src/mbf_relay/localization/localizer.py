@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 import math
-from typing import Dict, List, Optional, Tuple
+from typing import Dict, List, Optional, Set, Tuple
 
 import numpy as np
 
@@ -74,7 +74,7 @@ class Localizer:
         self.log_weights: np.ndarray
         self._odom_pose: Optional[Pose2D] = None
         self.odometry = OdometryWatch()
-        self._awaited: Dict[str, bool] = {}
+        self._done: Set[str] = set()  # frames of the lidars of which a scan has counted since the robot moved
         self._stood: Dict[str, Tuple[Pose2D, LaserScan]] = {}  # odometry where it began to stand, and the scan there
         self._updates = 0.0
         self._converged = False
@@ -232,8 +232,10 @@ class Localizer:
         if not odom_pose.is_finite():
             raise ValueError(f"odometry pose {tuple(odom_pose)} is not finite")
         self._follow_odometry(odom_pose, scan, laser_pose_in_base)
+        if self._odom_pose is None or self._forced or self._has_moved(self._odom_pose, odom_pose):
+            self._done = set()
         shown = 0.0
-        if not self._is_due(odom_pose, scan.frame):
+        if scan.frame in self._done:
             shown = self._shown_way(odom_pose, scan)
             if shown <= max(self.parameters.update_min_d, LEAST_SHOWN):
                 return None
@@ -254,7 +256,7 @@ class Localizer:
         # As in amcl the first scan after a start, which counts anyway, leaves a request to the second.
         self._forced = self._forced and self._odom_pose is None
         self._odom_pose = odom_pose
-        self._awaited[scan.frame] = False
+        self._done.add(scan.frame)
         self.last_estimate = self._estimate(weights, pose, moments)
         if self._updates >= self.parameters.resample_interval:
             self._updates = 0.0
@@ -270,13 +272,6 @@ class Localizer:
         if moved is not None and self.map_from_odom is not None:
             self.map_from_odom, self._stood = self.map_from_odom.compose(moved.inverse()), {}
             self._odom_pose = None if self._odom_pose is None else moved.compose(self._odom_pose)
-
-    def _is_due(self, odom_pose: Pose2D, frame: str) -> bool:
-        self._awaited.setdefault(frame, True)
-        if self._odom_pose is None or self._forced or self._has_moved(self._odom_pose, odom_pose):
-            for known in self._awaited:
-                self._awaited[known] = True
-        return self._awaited[frame]
 
     def _has_moved(self, before: Pose2D, after: Pose2D, share: float = 1.0) -> bool:
         """Return whether the robot has moved as far as asks for an update, or a share of that."""
@@ -390,7 +385,7 @@ class Localizer:
         self.log_weights = np.full(len(poses), -math.log(len(poses)))
         self._averages.reset()
         self._odom_pose = None
-        self._awaited = {}
+        self._done = set()
         self._forced = self._converged = False
         self._updates = 0.0
         self._tracker.start()
