@@ -110,7 +110,10 @@ class RegulatedPurePursuit(PathFollower):
             for slower in SLOWER:
                 command = self._command_for(cycle, slower * speed, curvature)
                 leads = command != STOP and speed > STANDS * self.parameters.desired_linear_vel
-                if leads and self._is_free(cycle, command):
+                if not leads:
+                    continue
+                self._arc = self._arc_of(cycle, command)
+                if cycle.checker.free_steps(self._arc, cycle.state.pose) == len(self._arc):
                     self.carrot = carrot
                     return command
         turn = self.turn_to_path(cycle, 0.0)
@@ -161,13 +164,13 @@ class RegulatedPurePursuit(PathFollower):
             speed, turn = speed * cycle.turn / abs(turn), math.copysign(cycle.turn, turn)
         return cycle.window.clip(Twist2D(speed, 0.0, turn))
 
-    def _is_free(self, cycle: ControlCycle, command: Twist2D) -> bool:
-        """Return whether the arc is free for the time asked by the parameters, and for braking in any case."""
+    def _arc_of(self, cycle: ControlCycle, command: Twist2D) -> np.ndarray:
+        """Return the arc (N, 3) that must be free: for the time asked by the parameters, and for braking in any case.
+        """
         p, state = self.parameters, cycle.state
         to_goal = cycle.path.remaining / max(command.speed(), 1e-3)
         held = min(p.max_allowed_time_to_collision_up_to_carrot, to_goal)
-        self._arc = arc(cycle.checker, state, command, max(stopping_time(p, command, state.period), held))
-        return cycle.checker.free_steps(self._arc, state.pose) == len(self._arc)
+        return arc(cycle.checker, state, command, max(stopping_time(p, command, state.period), held))
 
 
 def _curvature_to(pose: Pose2D, point: np.ndarray, tightest: float) -> float:
