@@ -17,9 +17,10 @@ SETUP = make_setup(config_folder())
 
 
 class FaultyDrive(Graph):
-    """A drive to the circle's second goal, whose scans a test can change on their way."""
+    """A drive to a goal of the circle, by its index, whose scans a test can change on their way."""
 
-    def __init__(self, seed):
+    def __init__(self, seed, goal=1):
+        self.place = circle().goals[goal]
         self.change_scan = lambda scan: scan
         self.commands = []
         super().__init__(
@@ -27,7 +28,7 @@ class FaultyDrive(Graph):
         )
         self.said = set()
         self.step_until(lambda: self.waits_for() is None, 5.0)
-        self.goal = self.navigate(NavigateGoal(FramedPose(circle().goals[1], self.map_frame)))
+        self.goal = self.navigate(NavigateGoal(FramedPose(self.place, self.map_frame)))
 
     def _take_scan(self, scan):
         changed = self.change_scan(scan)
@@ -63,10 +64,10 @@ class FaultyDrive(Graph):
     def arrive(self):
         """Go on to the goal, sent again where it has ended meanwhile."""
         if self.goal.done and self.goal.ending is not Ending.SUCCEEDED:
-            self.goal = self.navigate(NavigateGoal(FramedPose(circle().goals[1], self.map_frame)))
+            self.goal = self.navigate(NavigateGoal(FramedPose(self.place, self.map_frame)))
         assert self.step_until(lambda: self.goal.done, 90.0), "it never arrived"
         assert self.goal.ending is Ending.SUCCEEDED, self.goal.result
-        assert self.simulation.true_pose.distance_to(circle().goals[1]) < 0.35
+        assert self.simulation.true_pose.distance_to(self.place) < 0.35
 
     def recover(self, behavior):
         """Run a recovery behaviour by its name; returns its task."""
