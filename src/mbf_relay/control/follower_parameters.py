@@ -14,6 +14,13 @@ SLOWEST = 1000.0
 """Longest time (s) from standstill to top speed: trajectories are simulated until the robot could have stopped."""
 
 
+def stuck_timeout_parameter() -> Any:
+    """Declare the parameter `stuck_timeout`, which sets named after other packages' planners have too."""
+    return parameter(
+        2.0, "time without any motion, although commanded, after which the robot counts as stuck; 0 for never", "s",
+        minimum=0.0)
+
+
 def check_acceleration(name: str, acceleration: float, fastest: float) -> None:
     """Raise ValueError for an acceleration that takes longer than SLOWEST to the top speed.
 
@@ -80,9 +87,7 @@ class FollowerParameters(ParameterSet):
     missed_path_distance: float = parameter(
         0.5, "distance from the path beyond which the controller gives up (MISSED_PATH); at least twice the robot's "
         "width is used", "m", above=0.0)
-    stuck_timeout: float = parameter(
-        2.0, "time without any motion, although commanded, after which the robot counts as stuck; 0 for never", "s",
-        minimum=0.0)
+    stuck_timeout: float = stuck_timeout_parameter()
     blocked_timeout: float = parameter(
         0.5, "time an obstacle must stand on the goal before the controller gives up (BLOCKED_GOAL)", "s", minimum=0.0)
 

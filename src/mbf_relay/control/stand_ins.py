@@ -9,6 +9,7 @@ from typing import Any, ClassVar, Dict, List, Mapping, Tuple, Type
 from mbf_relay.control.dwa import DwaController
 from mbf_relay.control.dwa_parameters import DwaParameters
 from mbf_relay.control.follower import PathFollower
+from mbf_relay.control.follower_parameters import stuck_timeout_parameter
 from mbf_relay.control.mppi.controller import MppiController
 from mbf_relay.control.mppi.parameters import ACKERMANN, MppiParameters
 from mbf_relay.control.steering import Steering
@@ -19,8 +20,11 @@ TURNS_A_SECOND = 5.0
 """Highest min_vel_theta in yaw tolerances per second: a faster turn could overshoot the heading within a cycle."""
 
 
+@dataclass(frozen=True)
 class _StandInParameters(ParameterSet):
     """Parameters of a stand-in. All others of the planner are covered by the one line `stands_in`."""
+
+    stuck_timeout: float = stuck_timeout_parameter()
 
     @classmethod
     def unknown_names(cls, values: Mapping[str, Any]) -> List[str]:

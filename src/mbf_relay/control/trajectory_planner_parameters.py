@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import Any, List, Mapping, Tuple, Type, TypeVar
 
-from mbf_relay.control.follower_parameters import check_acceleration
+from mbf_relay.control.follower_parameters import check_acceleration, stuck_timeout_parameter
 from mbf_relay.parameters import ParameterSet, parameter, without_effect
 
 T = TypeVar("T", bound="TrajectoryPlannerParameters")
@@ -113,6 +113,7 @@ class TrajectoryPlannerParameters(ParameterSet):
     stop_time_buffer: float = parameter(
         0.2, "a velocity is chosen only if the robot can keep it this long and then brake without a collision", "s",
         minimum=0.0)
+    stuck_timeout: float = stuck_timeout_parameter()
     publish_cost_grid_pc: bool = parameter(
         False, "publish the costs of the local costmap's cells on cost_cloud", aliases=("publish_cost_grid",))
     prune_plan: bool = without_effect(True, "the path is always followed from its nearest point")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import abc
+import dataclasses
 from typing import Any, Optional, Tuple, Type
 
 from mbf_relay.control.controller import Controller
@@ -16,12 +17,12 @@ USUAL_RESOLUTION = 0.05
 
 
 class TranslatedController(Controller, abc.ABC):
-    """Delegates to the controller that `translate` gives."""
+    """Delegates to the controller that `translate` gives. Parameters have a `stuck_timeout`, as that one's."""
 
     def __init__(self, name: str, parameters: Any) -> None:
         super().__init__(name, parameters)
         self._resolution = USUAL_RESOLUTION
-        kind, translated = self.translate(parameters, self._resolution)
+        kind, translated = self._translated(parameters)
         self._driver = kind(name, translated)
 
     @abc.abstractmethod
@@ -33,10 +34,15 @@ class TranslatedController(Controller, abc.ABC):
             resolution: Cell size (m) of the local costmap.
         """
 
+    def _translated(self, parameters: Any) -> Tuple[Type[PathFollower], Any]:
+        """Return what `translate` does, with the `stuck_timeout` that is given by that name."""
+        kind, translated = self.translate(parameters, self._resolution)
+        return kind, dataclasses.replace(translated, stuck_timeout=parameters.stuck_timeout)
+
     def reconfigure(self, parameters: Any) -> None:
         """Take new parameters and pass their translation on."""
         super().reconfigure(parameters)
-        self._driver.reconfigure(self.translate(parameters, self._resolution)[1])
+        self._driver.reconfigure(self._translated(parameters)[1])
 
     @property
     def top_speeds(self) -> Tuple[float, float]:

@@ -3,11 +3,16 @@
 from types import SimpleNamespace
 
 import pytest
+from kinematics import PaperRobot, drive, path_through
 
+from mbf_relay.control import CONTROLLERS
 from mbf_relay.control.checkers import StuckChecker
+from mbf_relay.control.controller import Controller
 from mbf_relay.control.state import ControlState
+from mbf_relay.control.translated import TranslatedController
 from mbf_relay.geometry import IDENTITY, STOP, Pose2D, Twist2D
 from mbf_relay.outcomes import ControlError
+from mbf_relay.plugins import create, find_class
 
 
 def told_of(command):
@@ -68,3 +73,25 @@ def test_the_owner_of_a_car_driven_by_turns_on_the_spot_is_told_what_drives_cars
     """All that was said was to look at wheels and motors, which were all right."""
     text = told_of(command)
     assert "wheels are free" in text and ("motion_model: Ackermann" in text) is is_turn
+
+
+TRANSLATED = sorted(
+    name for name in CONTROLLERS if issubclass(find_class(name, Controller, CONTROLLERS), TranslatedController))
+
+
+class Unheard(PaperRobot):
+    """A robot whose wheels get none of the velocities."""
+
+    def move(self, command, seconds, step=0.01):
+        super().move(STOP, seconds, step)
+
+
+@pytest.mark.parametrize("name", TRANSLATED)
+def test_who_has_another_program_drive_along_the_plan_is_not_given_up_at_its_first_stop(name):
+    """A car that followed move_base's plan by a controller of its own lost each goal after waiting for two seconds."""
+    def given_up(**values):
+        controller = create("planner", name, values, Controller, CONTROLLERS)
+        path, robot = path_through((0, 0), (2.0, 0)), Unheard(IDENTITY)
+        return any(drive(controller, path, IDENTITY, seconds=6.0, robot=robot).failed)
+
+    assert given_up() and not given_up(stuck_timeout=0.0)
