@@ -8,6 +8,7 @@ import rospy
 
 from mbf_relay.parameters import ParameterSet
 from mbf_relay.ros.common.reconfigure import RESTORE_DEFAULTS
+from mbf_relay.ros.common.tf_prefix import ignored_prefix
 
 T = TypeVar("T", bound=ParameterSet)
 
@@ -89,17 +90,11 @@ def warn_of_own_file_beside(names: Iterable[str]) -> None:
 
 
 def warn_of_tf_prefix(base_frame: str) -> None:
-    """Warn where a tf_prefix is set for this node with which the robot's base frame does not begin.
-
-    Nodes that use tf2 ignore tf_prefix; robot_state_publisher does not. Whoever relies on it waits for frames that
-    nobody publishes.
-    """
+    """Warn where a tf_prefix is set for this node with which the robot's base frame does not begin."""
     found = rospy.search_param("tf_prefix")
-    prefix = str(rospy.get_param(found, "")).strip("/") if found else ""
-    if prefix and not base_frame.startswith(f"{prefix}/"):
-        rospy.logwarn(
-            "%s is '%s' and is ignored, as by every node that uses tf2: the robot's frame is '%s'; if you mean '%s', "
-            "put the prefix into the parameters of all frames", found, prefix, base_frame, f"{prefix}/{base_frame}")
+    text = ignored_prefix(found, rospy.get_param(found, ""), base_frame) if found else ""
+    if text:
+        rospy.logwarn("%s", text)
 
 
 def groups_in(values: Mapping[str, Any]) -> List[str]:

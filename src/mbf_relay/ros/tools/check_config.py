@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import argparse
 import sys
-from typing import Any, Callable, Dict, List, Mapping, Optional, Sequence, TextIO
+from typing import Any, Callable, Dict, List, Mapping, Optional, Sequence, TextIO, Tuple
 
 from mbf_relay.localization.node_parameters import INITIAL, NODE_ONLY, AmclParameters
 from mbf_relay.navigation import examination as exam
 from mbf_relay.navigation.examination import Examination, Finding
 from mbf_relay.ros.common.logs import plain
+from mbf_relay.ros.common.tf_prefix import ignored_prefix
 from mbf_relay.ros.tools.parameter_source import (
     TYPES,
     Launch,
@@ -29,6 +30,7 @@ EXAMINERS: Dict[str, Callable[[Mapping[str, Any]], Examination]] = {
     "move_base": exam.examine_move_base, "move_base_flex": exam.examine_server, "amcl": _examine_amcl,
 }
 """Function that examines the parameters, by type of node."""
+PREFIX = "tf_prefix"
 TROUBLE = (exam.REFUSED, exam.DOUBTFUL)
 """Kinds of findings for which the exit status is 1; with --strict, all kinds but USED."""
 
@@ -59,7 +61,26 @@ def examine(node: LaunchedNode) -> Examination:
     """Return the examination of a node's parameters, with the doubts about its files, such as keys given twice."""
     found = EXAMINERS[node.type](node.source.values)
     found.findings[:0] = [Finding(exam.DOUBTFUL, name, text) for name, text in node.source.trouble]
+    frame = str(found.config.get("base_frame_id" if node.type == "amcl" else "robot_frame", "base_link"))
+    text = ignored_prefix(*_prefix_over(node), frame.strip("/"))
+    if text:
+        found.add(exam.DOUBTFUL, PREFIX, f"parameter {text}")
     return found
+
+
+def _prefix_over(node: LaunchedNode) -> Tuple[str, Any]:
+    """Return full name and value of the tf_prefix that a node finds in its namespace or the nearest above it.
+
+    Its place is noted for `tell`; both are empty where there is none.
+    """
+    groups = node.name.split("/")
+    for depth in range(len(groups), -1, -1):
+        above = "/".join(groups[:depth])
+        here = node.graph.below(above) if above else node.graph
+        if PREFIX in here.values:
+            node.source.places[PREFIX] = here.place(PREFIX)
+            return f"/{above}/{PREFIX}".replace("//", "/"), here.values[PREFIX]
+    return "", ""
 
 
 def tell(node: LaunchedNode, found: Examination, out: TextIO, quiet: bool) -> None:

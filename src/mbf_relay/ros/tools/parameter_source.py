@@ -88,11 +88,12 @@ class ParameterSource:
 
 
 class LaunchedNode(NamedTuple):
-    """A node of a launch file: its name, its type in this package, and its parameters."""
+    """A node of a launch file: its name, its type in this package, its parameters, and those of the whole graph."""
 
     name: str
     type: str
     source: ParameterSource
+    graph: ParameterSource = ParameterSource()
 
     @property
     def is_server(self) -> bool:
@@ -247,7 +248,8 @@ class _LaunchReader:
         Raises:
             ValueError: A file that may set a server's parameters is missing; the text names it.
         """
-        nodes = [node._replace(source=self._parameters.below(node.name)) for node in self._launch.nodes]
+        graph = self._parameters
+        nodes = [node._replace(source=graph.below(node.name), graph=graph) for node in self._launch.nodes]
         not_read = list(self._launch.not_read)
         for node in nodes:
             for _, text in node.source.missing:
@@ -301,10 +303,7 @@ class _LaunchReader:
                 self._launch.nodes.append(LaunchedNode(name, TYPES[program], self._parameters))
 
     def _take_outside(self, element: Element, namespace: str) -> None:
-        """Take parameters set outside of a node element, by their full names.
-
-        A missing file is an error only for nodes whose parameters it may set.
-        """
+        """Take parameters set outside of a node element; a missing file is an error only for nodes it may concern."""
         full = _joined(namespace, self._text(element, "ns"), self._text(element, "name"))
         try:
             self._take_values(element, full, True)

@@ -314,3 +314,24 @@ def test_a_robot_whose_critics_let_it_touch_things_is_not_called_sound(tmp_path,
     chosen = f"base_local_planner: dwa_local_planner/DWAPlannerROS\nDWAPlannerROS: {{critics: {critics}}}\n"
     _, told = check(tmp_path, COSTMAPS + chosen)
     assert ("doubtful: DWAPlannerROS/critics: lists no 'obstacle'" in told) == doubted, told
+
+
+GROUPED = NODE.replace("<launch>", "<launch><group ns='robot1'>\n<param name='tf_prefix' value='/robot1'/>").replace(
+    "</launch>", "<node pkg='amcl' type='amcl' name='amcl'><param name='base_frame_id' value='%s'/></node>\n"
+    "</group></launch>")
+
+
+@pytest.mark.parametrize("frame, doubted", [("base_link", True), ("robot1/base_link", False)])
+def test_who_counts_on_a_tf_prefix_is_told_before_the_robot_waits_for_frames(tmp_path, frame, doubted):
+    """All was said to be used, and neither node ever found a transform."""
+    given = f'<param name="global_costmap/robot_base_frame" value="{frame}"/>'
+    status, told = check(tmp_path, GROUPED % (given, frame), name="nav.launch")
+    told_of = [line for line in told.splitlines() if "tf_prefix is 'robot1'" in line]
+    assert (status, len(told_of)) == ((1, 2) if doubted else (0, 0)), told
+    assert all("parameter /robot1/tf_prefix" in line and line.endswith("nav.launch:2]") for line in told_of)
+
+
+@pytest.mark.parametrize("place", ["other/tf_prefix", "robot1/move_base/local_costmap/tf_prefix"])
+def test_a_tf_prefix_that_the_node_does_not_find_is_none_of_its_doubts(tmp_path, place):
+    text = (GROUPED % ("", "base_link")).replace("name='tf_prefix'", f"name='/{place}'")
+    assert "and is ignored, as by every node that uses tf2" not in check(tmp_path, text, name="nav.launch")[1]
