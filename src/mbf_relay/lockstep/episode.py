@@ -8,6 +8,7 @@ from typing import Any, Callable, Dict, List, Optional, Tuple
 import numpy as np
 import psutil
 
+from mbf_relay.geometry import STOP
 from mbf_relay.lockstep import result as outcomes
 from mbf_relay.lockstep.graph import Graph
 from mbf_relay.lockstep.rate import Rate
@@ -94,7 +95,8 @@ class Episode:
         while True:
             contacts, navigated = graph.step(self._sampling.steps_left(graph.steps))
             if contacts:
-                self._record.note_contacts(graph.now, contacts, graph.simulation.true_pose)
+                self._record.note_contacts(
+                    graph.now, contacts, graph.simulation.true_pose, graph.robot.commanded or STOP)
                 if not self.setup.after_contact:
                     return outcomes.CONTACT, self._record.touches.first
             if self._sampling.is_due(graph.steps):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import struct
-from typing import Any, Dict, Iterable, List, Optional, Sequence, Tuple
+from typing import Any, Dict, List, Optional, Sequence, Tuple
 
 import numpy as np
 
@@ -57,10 +57,10 @@ class Record:
         self._believed.append(believed)
         self._hash.update(struct.pack("<7d", now, *truth, *believed))
 
-    def note_contacts(self, now: float, contacts: Iterable[Contact], truth: Pose2D) -> None:
-        """Record what the robot touches at a time (s), with its true pose in the world's frame."""
+    def note_contacts(self, now: float, contacts: Sequence[Contact], truth: Pose2D, commanded: Twist2D) -> None:
+        """Record what the robot touches at a time (s), its true pose in the world's frame, and its last command."""
         latest = -2 if self._times[-1] == now and len(self._times) > 1 else -1
-        self.touches.note(now, contacts, (self._times[latest], self._truth[latest]), truth)
+        self.touches.note(now, contacts, (self._times[latest], self._truth[latest]), truth, commanded)
 
     def note_command(self, now: float, velocity: Twist2D) -> None:
         """Record a commanded velocity at a time (s)."""

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Iterable, List, Tuple
+from typing import List, Sequence, Tuple
 
-import numpy as np
-
-from mbf_relay.geometry import Pose2D, angle_between
+from mbf_relay.geometry import STOP, Pose2D, Twist2D
 from mbf_relay.simulation.contacts import Contact
 from mbf_relay.touching import Touched
 
@@ -22,7 +20,7 @@ class Touches:
     """Counts contacts, and those that are the robot's fault.
 
     A contact is the robot's fault where the touching part of its hull had moved towards the body, however fast that
-    moved itself. Where the robot stood or retreated, the other is at fault.
+    moved itself. Where the robot stood or retreated, or something else pushed it there, the other is at fault.
 
     Attributes:
         times: Time (s) at which each contact began.
@@ -36,7 +34,9 @@ class Touches:
         self.first = ""
         self._touched = Touched()
 
-    def note(self, now: float, contacts: Iterable[Contact], before: Sample, pose: Pose2D) -> None:
+    def note(
+        self, now: float, contacts: Sequence[Contact], before: Sample, pose: Pose2D, commanded: Twist2D
+    ) -> None:
         """Take the contacts at one time.
 
         Args:
@@ -44,27 +44,29 @@ class Touches:
             contacts: Contacts at that time; of one body only the first counts.
             before: The last sample before the contact.
             pose: The true pose now, in the world's frame as `before`.
+            commanded: The last command; where something touches the robot already, that may be what moves it.
         """
-        for contact in contacts:
-            if not self._touched.is_anew(contact.name, now):
-                continue
-            fault = closing_speed(contact, before, (now, pose)) >= STANDING
+        elapsed = now - before[0]
+        moved = Twist2D(*before[1].relative_to(pose)).scaled(-1.0 / elapsed) if elapsed > 0.0 else STOP
+        begun = [contact for contact in contacts if self._touched.is_anew(contact.name, now)]
+        is_touched = len({contact.name for contact in contacts}) > len(begun)
+        motions = (moved, commanded) if is_touched else (moved,)
+        for contact in begun:
+            fault = min(closing_speed(contact, pose, motion) for motion in motions) >= STANDING
             self.times.append(now)
             self.at_fault += fault
             self.first = self.first or f"touched {contact.name}" + ("" if fault else ", which came to the robot")
 
 
-def closing_speed(contact: Contact, before: Sample, now: Sample) -> float:
-    """Return the speed (m/s) at which the touching point of the hull moved towards the body between two samples.
+def closing_speed(contact: Contact, pose: Pose2D, velocity: Twist2D) -> float:
+    """Return the speed (m/s) at which the touching point of the hull moves towards the body.
 
     Args:
         contact: Position and normal of the contact.
-        before, now: The robot's time and pose before, and at the contact.
+        pose: The robot's.
+        velocity: The robot's, body frame.
     """
-    elapsed = now[0] - before[0]
-    if elapsed <= 0.0:
-        return 0.0
-    turn = angle_between(before[1].theta, now[1].theta) / elapsed
-    arm = np.array(contact.position[:2]) - now[1][:2]
-    velocity = (np.array(now[1][:2]) - before[1][:2]) / elapsed + turn * np.array((-arm[1], arm[0]))
-    return -float(velocity @ contact.normal[:2])
+    x, y = contact.position[0] - pose.x, contact.position[1] - pose.y
+    ahead, aside, _ = Pose2D(0.0, 0.0, pose.theta).compose(Pose2D(velocity.x, velocity.y, 0.0))
+    across, up, _ = contact.normal
+    return -((ahead - velocity.theta * y) * across + (aside + velocity.theta * x) * up)

@@ -12,7 +12,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 
 import small_worlds  # noqa: E402
 
-from mbf_relay.geometry import Pose2D  # noqa: E402
+from mbf_relay.geometry import STOP, Pose2D, Twist2D  # noqa: E402
 from mbf_relay.lockstep.clearance import smallest_time_to_collision  # noqa: E402
 from mbf_relay.lockstep.episode import Episode  # noqa: E402
 from mbf_relay.lockstep.pictures import drive_of  # noqa: E402
@@ -33,15 +33,29 @@ FROM_BEHIND = Contact("walker", (-0.1, 0.0, 0.1), (1.0, 0.0, 0.0))
 HERE = Pose2D(0.0, 0.0, 0.0)
 
 
-def noted(contact, came_from):
+def noted(contact, came_from, commanded=STOP, pusher=None):
     touches = Touches()
-    touches.note(1.0, [contact], (0.9, came_from), HERE)
+    if pusher is not None:
+        touches.note(0.95, [pusher], (0.9, HERE), HERE, commanded)
+    touches.note(1.0, [contact] if pusher is None else [pusher, contact], (0.9, came_from), HERE, commanded)
     return touches
 
 
 def test_a_robot_that_drives_into_a_post_is_at_fault():
     touches = noted(AHEAD, Pose2D(-0.02, 0.0, 0.0))
     assert touches.times == [1.0] and touches.at_fault == 1 and touches.first == "touched post"
+
+
+@pytest.mark.parametrize("speed, faults", [(0.0, 0), (-0.1, 0), (0.1, 1)])
+def test_a_robot_that_is_pushed_onto_a_post_is_at_fault_where_it_drives_there_itself(speed, faults):
+    touches = noted(AHEAD, Pose2D(-0.02, 0.0, 0.0), Twist2D(speed, 0.0, 0.0), FROM_BEHIND)
+    assert touches.times == [0.95, 1.0] and touches.at_fault == faults
+
+
+def test_a_robot_that_brakes_too_late_before_two_posts_is_at_fault_for_both():
+    touches = Touches()
+    touches.note(1.0, [AHEAD, AHEAD._replace(name="other")], (0.9, Pose2D(-0.02, 0.0, 0.0)), HERE, STOP)
+    assert touches.times == [1.0, 1.0] and touches.at_fault == 2
 
 
 @pytest.mark.parametrize("came_from", [HERE, Pose2D(-0.02, 0.0, 0.0)], ids=["standing", "driving away"])
@@ -59,9 +73,9 @@ def test_a_corner_swung_into_a_wall_is_the_robots_fault():
 def test_a_hull_that_scrapes_along_a_wall_touches_it_once():
     touches = Touches()
     for step in range(20):
-        touches.note(0.5 * step, [AHEAD], (0.5 * step - 0.1, HERE), HERE)
+        touches.note(0.5 * step, [AHEAD], (0.5 * step - 0.1, HERE), HERE, STOP)
     assert len(touches.times) == 1
-    touches.note(12.0, [AHEAD], (11.9, HERE), HERE)
+    touches.note(12.0, [AHEAD], (11.9, HERE), HERE, STOP)
     assert touches.times == [0.0, 12.0]
 
 
@@ -108,3 +122,11 @@ def test_a_drive_goes_on_after_somebody_ran_into_a_robot_that_stood(tmp_path):
     assert EpisodeResult.from_line(went_on.to_line()).contact_times == went_on.contact_times
     drawn = drive_of(task, went_on).contacts
     assert [contact.stamp for contact in drawn] == list(went_on.contact_times), "drawn where it was, not at the end"
+
+
+def test_a_robot_that_is_pushed_onto_a_post_while_it_stands_is_not_at_fault(tmp_path):
+    """Who stood was told to have driven into what somebody pushed it onto."""
+    world = {**small_worlds.RUN_OVER, "cylinders": [[-0.35, 0.0, 0.1, 0.5]], "time_limit": 6.0}
+    _, result = driven(tmp_path, world, True, planners=[{"name": "own", "type": "small_worlds.Never"}],
+                       planner_patience=60.0)
+    assert result.contacts == 2 and result.contacts_at_fault == 0, result.message
