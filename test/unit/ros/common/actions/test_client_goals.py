@@ -9,7 +9,12 @@ pytest.importorskip("mbf_msgs.msg")
 
 from actionlib_msgs.msg import GoalID, GoalStatus, GoalStatusArray  # noqa: E402
 from genpy import Time  # noqa: E402
-from move_base_msgs.msg import MoveBaseActionGoal, MoveBaseActionResult, MoveBaseGoal  # noqa: E402
+from move_base_msgs.msg import (  # noqa: E402
+    MoveBaseActionFeedback,
+    MoveBaseActionGoal,
+    MoveBaseActionResult,
+    MoveBaseGoal,
+)
 
 from mbf_relay.ros.common.actions.client_goals import RESEND_AFTER, ClientGoals  # noqa: E402
 from mbf_relay.ros.relay.relay import RelayParameters  # noqa: E402
@@ -164,10 +169,69 @@ def test_a_server_that_is_there_is_given_time_to_tell_of_a_goal_however_short_an
     links.now += RESEND_AFTER + 0.1
     goals.check()
     assert sent.ending is None and len(links.goals) == 2
-    goals.take_status(status((sent.goal_id, GoalStatus.ACTIVE)))
-    links.now += 100.0
+    for _ in range(10):
+        goals.take_status(status((sent.goal_id, GoalStatus.ACTIVE)))
+        links.now += 10.0
+        goals.check()
+    assert sent.ending is None and len(links.goals) == 2, "sent on and on, though it is carried out"
+
+
+def test_who_waits_for_a_server_that_was_restarted_and_knows_of_no_goal_is_told():
+    """The robot stood, and the goal was running for ever."""
+    links = Links()
+    goals, endings = make(links), []
+    ended, running, young = (goals.send(MoveBaseGoal(), on_end=endings.append) for _ in range(3))
+    goals.take_status(status((ended.goal_id, GoalStatus.SUCCEEDED), (running.goal_id, GoalStatus.ACTIVE)))
+    links.now += 1.0
+    goals.take_status(status((ended.goal_id, GoalStatus.SUCCEEDED)))
+    goals.take_status(status())
+    assert running.ending.status == GoalStatus.LOST and "restarted" in running.ending.text
+    assert ended.ending is None and young.ending is None, "its result is on its way; it has not been heard of"
+    links.now += 1.5
     goals.check()
-    assert sent.ending is None
+    assert ended.ending.status == GoalStatus.SUCCEEDED, "two seconds after it was said to have ended"
+
+
+def test_goals_of_a_server_that_is_gone_are_lost_each_once_but_for_one_whose_result_comes_meanwhile():
+    links = Links()
+    goals, endings = make(links), []
+
+    def take_last_result(_ending):
+        goals.take_result(MoveBaseActionResult(
+            status=GoalStatus(goal_id=GoalID(id=second.goal_id), status=GoalStatus.SUCCEEDED)))
+
+    first = goals.send(MoveBaseGoal(), on_end=take_last_result)
+    second = goals.send(MoveBaseGoal(), on_end=endings.append)
+    third = goals.send(MoveBaseGoal())
+    goals.check("its process has ended")
+    assert [ending.status for ending in endings] == [GoalStatus.SUCCEEDED]
+    assert second.ending.status == GoalStatus.SUCCEEDED
+    assert first.ending == third.ending == (GoalStatus.LOST, "its process has ended", None)
+    assert goals.open_goals == []
+
+
+def test_feedback_is_given_to_whoever_sent_the_goal_until_it_has_ended():
+    links = Links()
+    goals, told = make(links), []
+    sent = goals.send(MoveBaseGoal(), on_feedback=told.append)
+    quiet = goals.send(MoveBaseGoal())
+    assert goals.knows(sent.goal_id) and not goals.knows("/another-00000001-1")
+    for goal_id in ("/another-00000001-1", quiet.goal_id, sent.goal_id):
+        goals.take_feedback(MoveBaseActionFeedback(status=GoalStatus(goal_id=GoalID(id=goal_id))))
+    goals.check("its process has ended")
+    goals.take_feedback(MoveBaseActionFeedback(status=GoalStatus(goal_id=GoalID(id=sent.goal_id))))
+    assert len(told) == 1
+
+
+def test_what_a_node_that_ends_has_sent_is_called_off():
+    links = Links()
+    goals = make(links)
+    first, second = goals.send(MoveBaseGoal()), goals.send(MoveBaseGoal())
+    goals.take_result(MoveBaseActionResult(
+        status=GoalStatus(goal_id=GoalID(id=first.goal_id), status=GoalStatus.SUCCEEDED)))
+    links.cancels.clear()
+    goals.cancel_all()
+    assert links.cancels == [second.goal_id]
 
 
 def test_a_goal_is_dated_so_that_its_server_can_tell_which_of_two_is_the_newer_one():
