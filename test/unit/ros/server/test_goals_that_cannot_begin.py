@@ -46,7 +46,7 @@ class Answers(GoalTracker):
     """An action server of paper, and what its clients are told."""
 
     def __init__(self, name, _type, on_goal, on_cancel, recalled, overtaken_cb):
-        self.told, self.clock = {}, 1000.0
+        self.told, self.heard, self.clock = {}, [], 1000.0
         super().__init__(
             self, on_goal, on_cancel, lambda: None, lambda: self.clock, lambda: Time(1000), recalled, overtaken_cb)
 
@@ -55,7 +55,7 @@ class Answers(GoalTracker):
         self.told[status.goal_id.id] = status.status, result
 
     def publish_feedback(self, status, feedback):
-        pass
+        self.heard.append((status.goal_id.id, feedback))
 
     def status_changed(self):
         pass
@@ -225,3 +225,38 @@ def test_a_goal_refused_in_a_step_that_fails_or_hangs_afterwards_is_refused_all_
         action.report()
         status, result = action.server.told[name]
         assert (status, result.outcome) == (GoalStatus.REJECTED, GetPathResult.INVALID_PLUGIN)
+
+
+def test_whatever_comes_wakes_navigation_which_sleeps_until_then():
+    """A goal would have waited for the next one, and a robot would have driven on after a cancel until its next step."""
+    bench, woken = Bench(), []
+    actions = {action.name: action for action in make_actions(
+        bench.navigator, Answers, lambda: Time(1000), wake=lambda: woken.append(True))}
+    server = actions["move_base"].server
+    for come in (
+        lambda: send(actions["move_base"], "drive", MoveBaseGoal(target_pose=goal_at(5.0))),
+        lambda: server.take_cancel(GoalID(id="drive")),
+        lambda: [server.take_cancel(GoalID(id="late")), woken.clear(),
+                 send(actions["move_base"], "late", MoveBaseGoal(target_pose=goal_at(5.0)))],
+    ):
+        woken.clear()
+        come()
+        assert woken
+        step(bench, actions)
+
+
+def test_a_goal_is_begun_when_its_message_has_been_read_and_its_client_hears_how_it_goes():
+    bench, reader = Bench(), scripted.HeldWorker()
+    actions = {action.name: action for action in make_actions(
+        bench.navigator, Answers, lambda: Time(1000), worker=reader)}
+    action = actions["move_base"]
+    send(action, "drive", MoveBaseGoal(target_pose=goal_at(5.0)))
+    assert not action.take_up() and bench.navigator.idle
+    step(bench, actions)
+    assert not action.server.told and not bench.robot.sent
+    reader.step()
+    step(bench, actions)
+    assert bench.robot.sent == [scripted.FORWARD]
+    step(bench, actions)
+    (name, feedback), = action.server.heard[-1:]
+    assert name == "drive" and feedback.last_cmd_vel.twist.linear.x == scripted.FORWARD.x
