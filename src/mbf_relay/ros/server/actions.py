@@ -162,7 +162,6 @@ class Action:
         with self._lock:
             self._inbox.clear()
         self.abort_running(outcome, message)
-        self._running = []
 
     def abort_running(self, outcome: str, message: str) -> None:
         """Abort all goals that have begun, from any thread, while the stepping thread hangs; queued goals stay.
