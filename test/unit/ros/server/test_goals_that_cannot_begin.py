@@ -228,7 +228,7 @@ def test_a_goal_refused_in_a_step_that_fails_or_hangs_afterwards_is_refused_all_
 
 
 def test_whatever_comes_wakes_navigation_which_sleeps_until_then():
-    """A goal would have waited for the next one, and a robot would have driven on after a cancel until its next step."""
+    """A goal would have waited for the next one, and a robot would have driven on after a cancel for a while."""
     bench, woken = Bench(), []
     actions = {action.name: action for action in make_actions(
         bench.navigator, Answers, lambda: Time(1000), wake=lambda: woken.append(True))}

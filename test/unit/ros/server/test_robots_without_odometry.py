@@ -7,7 +7,6 @@ import pytest
 pytest.importorskip("mbf_msgs", reason="needs the built package")
 
 import rospy  # noqa: E402
-
 from geometry_msgs.msg import TransformStamped  # noqa: E402
 
 from mbf_relay.geometry import STOP, Twist2D  # noqa: E402
