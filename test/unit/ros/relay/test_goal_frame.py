@@ -9,7 +9,9 @@ pytest.importorskip("tf2_ros")
 from geometry_msgs.msg import Point, Pose, PoseStamped, Quaternion
 from ros_testing import wait_until
 
+from mbf_relay.geometry import Pose2D
 from mbf_relay.outcomes import TransformError
+from mbf_relay.ros.relay import goal_frame
 from mbf_relay.ros.relay.goal_frame import GoalFrame
 
 
@@ -63,6 +65,38 @@ def test_hundreds_of_goals_in_a_frame_nobody_knows_take_one_thread():
     frame.show(goal)
     assert goals == [goal], "the newest is shown, and those before it no more"
     wait_until(lambda: threading.active_count() <= before, "the thread to end")
+
+
+class LateTransforms(NoTransforms):
+    """tf that knows at the third look."""
+
+    looks = 0
+
+    def lookup(self, target, source):
+        self.looks += 1
+        if self.looks < 3:
+            raise TransformError("not yet")
+        return Pose2D(1.0, 2.0, 0.0)
+
+
+def test_each_goal_in_another_frame_is_shown_where_it_lies_however_many_came_before():
+    goals = []
+    frame = GoalFrame("map", goals.append, LateTransforms)
+    for number in (1, 2):
+        goal = PoseStamped(pose=Pose(Point(0.5 * number, 0.0, 0.0), Quaternion(0.0, 0.0, 0.0, 1.0)))
+        goal.header.frame_id = "odom"
+        frame.show(goal)
+        wait_until(lambda least=number: len(goals) >= least, "the goal")
+        place = goals[-1].pose.position
+        assert (goals[-1].header.frame_id, place.x, place.y) == ("map", 1.0 + 0.5 * number, 2.0)
+
+
+def test_a_goal_in_a_frame_nobody_knows_is_shown_as_it_came_in_the_end(monkeypatch):
+    monkeypatch.setattr(goal_frame, "TF_TIMEOUT", 0.05)
+    goals, goal = [], PoseStamped()
+    goal.header.frame_id = "atlantis"
+    GoalFrame("map", goals.append, NoTransforms).show(goal)
+    wait_until(lambda: goals == [goal], "the goal")
 
 
 def test_a_goal_is_shown_as_it_came_where_tf_cannot_be_listened_to_and_so_is_the_next():

@@ -7,7 +7,7 @@ import pytest
 pytest.importorskip("mbf_msgs.msg")
 
 from actionlib_msgs.msg import GoalStatus  # noqa: E402
-from geometry_msgs.msg import Quaternion  # noqa: E402
+from geometry_msgs.msg import Pose, PoseStamped, Quaternion  # noqa: E402
 
 from mbf_relay.navigation.goals import NavigateOutcome  # noqa: E402
 from mbf_relay.ros.common.actions.client_goals import ActionEnding  # noqa: E402
@@ -100,6 +100,12 @@ def test_a_server_that_cancels_with_an_error_has_failed_unless_it_was_asked(numb
     assert answer(GoalStatus.PREEMPTED, outcome, cancelled=True).status == GoalStatus.PREEMPTED
 
 
+def test_who_called_a_goal_off_hears_nothing_as_from_move_base_and_whoever_did_not_hears_why(numbers):
+    canceled = numbers.MoveBaseResult.CANCELED
+    assert answer(GoalStatus.PREEMPTED, canceled, cancelled=True).text == ""
+    assert answer(GoalStatus.PREEMPTED, canceled).text == "why"
+
+
 def test_a_recalled_goals_empty_result_is_no_success(numbers):
     assert answer(GoalStatus.RECALLED, 0).status == GoalStatus.PREEMPTED
     assert answer(GoalStatus.RECALLED, None).status == GoalStatus.PREEMPTED
@@ -129,7 +135,32 @@ def test_the_reason_names_action_and_outcome():
 @pytest.mark.parametrize("quaternion, upright", [
     ((0, 0, 0, 1), True), ((0, 0, 5, 0), True), ((0, 0, -0.112, 0.999), True), ((0, 0, 0, -1), True),
     ((0, 0, 0, 0), False), ((0, 0, 0, 9e-4), False), ((1, 0, 0, 0), False), ((0.05, 0, 0, 1), False),
-    ((0.01, 0.01, 0.7, 0.7), True), ((float("nan"), 0, 0, 1), False), ((0, 0, float("inf"), 1), False),
+    ((0.01, 0.01, 0.7, 0.7), True), ((0.003, 0, 0, 0.1), False), ((0.001, 0, 0, 0.1), True),
+    ((float("nan"), 0, 0, 1), False), ((0, 0, float("inf"), 1), False),
 ])
 def test_quaternions_are_judged_as_move_base_does(quaternion, upright):
     assert answers.is_upright(Quaternion(*quaternion)) is upright
+
+
+def pose_at(x, y, frame="map"):
+    pose = PoseStamped(pose=Pose())
+    pose.header.frame_id, pose.pose.position.x, pose.pose.position.y = frame, x, y
+    return pose
+
+
+@pytest.mark.parametrize("status, result, doubted", [
+    (GoalStatus.SUCCEEDED, SimpleNamespace(final_pose=pose_at(1.0, 2.1), dist_to_goal=0.1), False),
+    (GoalStatus.SUCCEEDED, SimpleNamespace(final_pose=pose_at(1.0, -2.0), dist_to_goal=0.1), True),
+    (GoalStatus.SUCCEEDED, SimpleNamespace(final_pose=pose_at(-1.0, 2.0), dist_to_goal=0.1), True),
+    (GoalStatus.SUCCEEDED, SimpleNamespace(final_pose=pose_at(9.0, 9.0, "odom"), dist_to_goal=0.1), False),
+    (GoalStatus.SUCCEEDED, SimpleNamespace(final_pose=pose_at(9.0, 9.0, "/map"), dist_to_goal=0.1), True),
+    (GoalStatus.SUCCEEDED, SimpleNamespace(final_pose=pose_at(0.0, 0.0, ""), dist_to_goal=0.1), False),
+    (GoalStatus.SUCCEEDED, SimpleNamespace(dist_to_goal=3.0), True),
+    (GoalStatus.SUCCEEDED, SimpleNamespace(), False),
+    (GoalStatus.SUCCEEDED, None, False),
+    (GoalStatus.ABORTED, SimpleNamespace(final_pose=pose_at(9.0, 9.0), dist_to_goal=8.0), False),
+])
+def test_an_arrival_is_doubted_by_where_the_robot_stands_and_by_nothing_that_cannot_be_compared(
+        status, result, doubted):
+    """A robot whose pose was told in another frame, or by an older server, would have been sent to its goal again."""
+    assert bool(answers.doubt_of_arrival(ActionEnding(status, "", result), pose_at(1.0, 2.0), 0.5)) is doubted
