@@ -84,9 +84,18 @@ class TestVelocityGuard(unittest.TestCase):
         """Drive until the robot moves and what passes is what is asked for: what comes late stops it meanwhile."""
         start = self.x()
         self.drive_until(lambda: self.x() > start + 0.02 and self.passed.last == forward(0.2), "the robot to drive")
+        self.known_states = len(self.states.messages)
 
     def check_state(self, words):
-        self.assertIn(words, self.states.wait_for(lambda m: words in m.data, f"'{words}'").data)
+        """Check that the guard says so of what has happened since the robot drove."""
+        self.states.wait_for(lambda m: words in m.data, f"'{words}'", since=self.known_states)
+
+    def drive_until_stopped_for(self, words):
+        """Ask for the velocity until the guard stops the robot, and says why."""
+        self.drive_until(
+            lambda: self.passed.last == STILL and words in self.states.last.data and
+            len(self.states.messages) > self.known_states,
+            lambda: f"the robot to be stopped with '{words}', not '{self.states.last.data}'")
 
     def test_a_velocity_passes_as_it_is_and_a_stop_passes(self):
         self.start_driving()
@@ -150,20 +159,21 @@ class TestVelocityGuard(unittest.TestCase):
     def test_without_scans_the_robot_stands(self):
         self.start_driving()
         self.faults.update_configuration({"lidar_silent": True})
-        self.drive_until(lambda: self.passed.last == STILL, "the robot to be stopped")
-        self.check_state("the newest scan is")
+        self.drive_until_stopped_for("the newest scan is")
         self.faults.update_configuration(NO_FAULTS)
         self.start_driving()
 
     def test_a_lidar_that_repeats_itself_stops_the_robot(self):
         self.start_driving()
         self.faults.update_configuration({"lidar_frozen": True})
-        self.drive_until(lambda: self.passed.last == STILL, "the robot to be stopped")
+        self.drive_until_stopped_for("the newest scan is")
 
     def test_a_lidar_that_is_blind_ahead_stops_the_robot(self):
         self.start_driving()
         self.faults.update_configuration({"dead_beams": 0.3, "dead_beams_start": -1.0})
-        self.drive_until(lambda: self.passed.last == STILL, "the robot to be stopped")
+        blinded_at = self.x()
+        self.drive_until_stopped_for("stopped: something at")
+        self.assertLess(self.x(), blinded_at + 0.3, "long before the next wall")
 
     def test_a_driver_that_falls_silent_leaves_the_robot_standing(self):
         self.start_driving()
@@ -174,6 +184,7 @@ class TestVelocityGuard(unittest.TestCase):
         self.start_driving()
         self.drive.unregister()
         wait_until(lambda: self.passed.last == STILL, "a zero after the last velocity")
+        self.check_state("no velocity has come")
 
     def test_what_is_no_number_is_a_stop(self):
         self.start_driving()
