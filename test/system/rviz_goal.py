@@ -23,11 +23,11 @@ EXPECTED = (
 
 
 class TestGoal(ClickingTest):
-    def test_the_robot_drives_to_the_clicked_pose(self):
+    def test_1_the_robot_drives_to_the_clicked_pose(self):
         self.click_pose(self.true_pose)
         self.assert_reaches(self.click_goal(Pose2D(-1.75, 0.74, math.radians(65))))
 
-    def test_rviz_complains_of_nothing_it_shows(self):
+    def test_2_rviz_complains_of_nothing_it_shows(self):
         with open(os.path.join(RESULTS, "rviz.log"), encoding="utf-8", errors="replace") as stream:
             log = stream.read()
         for expected in EXPECTED:
