@@ -87,8 +87,8 @@ def answer_to(ending: Any, cancelled: bool) -> Answer:
     reason = message if outcome is None else f"{outcome_name(outcome)}: {message}"
     if ending.status == GoalStatus.SUCCEEDED and outcome in (None, MoveBaseResult.SUCCESS):
         return Answer(GoalStatus.SUCCEEDED, GOAL_REACHED, reason)
-    was_cancelled = ending.status in (GoalStatus.PREEMPTED, GoalStatus.RECALLED) or is_cancel(outcome)
-    if was_cancelled and (cancelled or outcome in (None, MoveBaseResult.SUCCESS) or is_cancel(outcome)):
+    was_cancelled = ending.status in (GoalStatus.PREEMPTED, GoalStatus.RECALLED)
+    if is_cancel(outcome) or (was_cancelled and (cancelled or outcome in (None, MoveBaseResult.SUCCESS))):
         return preempted("" if cancelled else message, reason)
     return aborted(failure_text(outcome), reason)
 
