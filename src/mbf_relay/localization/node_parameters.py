@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any, Dict, Mapping, Optional, Tuple
+from typing import Any, Dict, Mapping, Tuple
 
 import numpy as np
 
@@ -65,24 +65,19 @@ def seed_from(values: Mapping[str, Any], otherwise: int) -> Tuple[int, str]:
 
 def initial_pose_from(values: Mapping[str, Any]) -> Tuple[Pose2D, np.ndarray, Tuple[str, ...]]:
     """Return the initial pose, its covariance, shape (3, 3), and the names left at their defaults as invalid."""
-    taken, refused = dict(INITIAL), []
-    for name in INITIAL:
-        value: Optional[Any] = values.get(name)
-        if value is None:
-            continue
-        if (
-            isinstance(value, bool)
-            or not isinstance(value, (int, float))
-            or not math.isfinite(value)
-            or name.startswith("initial_cov")
-            and value < 0.0
-        ):
-            refused.append(name)
-        else:
-            taken[name] = float(value)
+    given = {name: values[name] for name in INITIAL if values.get(name) is not None}
+    refused = tuple(name for name, value in given.items() if not _is_valid(name, value))
+    taken = {**INITIAL, **{name: float(value) for name, value in given.items() if name not in refused}}
     pose = Pose2D(taken["initial_pose_x"], taken["initial_pose_y"], taken["initial_pose_a"])
     covariance = np.diag([taken["initial_cov_xx"], taken["initial_cov_yy"], taken["initial_cov_aa"]])
-    return pose, covariance, tuple(refused)
+    return pose, covariance, refused
+
+
+def _is_valid(name: str, value: Any) -> bool:
+    """Return whether a value is a finite number and, of a covariance, 0 or more."""
+    if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
+        return False
+    return value >= 0.0 or not name.startswith("initial_cov")
 
 
 def require_initial_pose(values: Mapping[str, Any]) -> None:
