@@ -8,6 +8,7 @@ from typing import Callable, Dict, List, Optional
 
 import rospy
 import tf2_py
+from geometry_msgs.msg import TransformStamped
 from tf2_msgs.msg import TFMessage
 
 from mbf_relay.geometry import Pose2D
@@ -88,20 +89,23 @@ class Frames:
             try:
                 check_frames(transform.header.frame_id, transform.child_frame_id)
                 with self._lock:
-                    bygone = self._tree.add(
-                        transform.header.frame_id, transform.child_frame_id, sender, now, is_static)
-                    if bygone:
-                        self._known.forget(bygone)
-                    if is_static:  # under the lock: it is published once, and forget() meanwhile would lose it
-                        self._known.set_transform_static(transform, sender)
-                    else:
-                        child = transform.child_frame_id.lstrip("/")
-                        newest = self._newest.get(child, stamp)
-                        if stamp + rospy.Duration(KEPT) < newest:  # time began anew
-                            self._known.forget()
-                            self._newest, newest = {}, stamp
-                        self._newest[child] = max(stamp, newest)
-                        self._known.set_transform(transform, sender)
+                    self._keep(transform, sender, now, is_static)
             except (tf2_py.TransformException, InvalidMessage):
                 continue
         self._changed()
+
+    def _keep(self, transform: TransformStamped, sender: str, now: float, is_static: bool) -> None:
+        """Keep a transform, under the lock: a static one is published once, and forget() meanwhile would lose it."""
+        bygone = self._tree.add(transform.header.frame_id, transform.child_frame_id, sender, now, is_static)
+        if bygone:
+            self._known.forget(bygone)
+        if is_static:
+            self._known.set_transform_static(transform, sender)
+            return
+        stamp, child = transform.header.stamp, transform.child_frame_id.lstrip("/")
+        newest = self._newest.get(child, stamp)
+        if stamp + rospy.Duration(KEPT) < newest:  # time began anew
+            self._known.forget()
+            self._newest, newest = {}, stamp
+        self._newest[child] = max(stamp, newest)
+        self._known.set_transform(transform, sender)
