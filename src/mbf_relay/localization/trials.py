@@ -87,14 +87,18 @@ def summarize_trials(trials: Sequence[Trial]) -> List[Dict[str, Any]]:
         groups = [(name, [trial for trial in of_stress if trial.name == name]) for name in names]
         for name, chosen in groups + ([("all", of_stress)] if len(names) > 1 else []):
             row: Dict[str, Any] = {"log": name, "stress": stress, "trials": len(chosen)}
-            for figure in FIGURES:
-                samples: Dict[str, List[float]] = {}
-                for trial in chosen:
-                    if trial.figures is not None:
-                        samples.setdefault(trial.name, []).append(trial.figures[figure])
-                row[figure] = mean(samples)
+            row.update({figure: mean(_by_log(chosen, figure)) for figure in FIGURES})
             rows.append(row)
     return rows
+
+
+def _by_log(trials: Sequence[Trial], figure: str) -> Dict[str, List[float]]:
+    """Return a figure's values in trials whose truth is known, by the log's name."""
+    values: Dict[str, List[float]] = {}
+    for trial in trials:
+        if trial.figures is not None:
+            values.setdefault(trial.name, []).append(trial.figures[figure])
+    return values
 
 
 def table(rows: Sequence[Dict[str, Any]]) -> str:
