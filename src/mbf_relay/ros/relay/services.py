@@ -48,7 +48,6 @@ class MakePlan:
         self._client = ActionClient(
             f"{parameters.server}/get_path", GetPathAction, 2.0 * parameters.service_timeout, silence
         )
-        self._plan_once = rospy.ServiceProxy(f"{parameters.server}/make_plan", GetPlan)
         self._one_at_a_time = threading.Lock()
         self._service = rospy.Service("~make_plan", GetPlan, self._answer)
 
@@ -57,8 +56,9 @@ class MakePlan:
         with self._one_at_a_time:
             if not self._client.wait_for_server(CONNECTING):
                 raise rospy.ServiceException(f"no plan: {self._client.why_down}")
-            if self._serves_plans():
-                return self._answer_at_once(request)
+            service = self._plan_service()
+            if _is_served(service):
+                return self._answer_at_once(request, rospy.ServiceProxy(service, GetPlan))
             sent = self._client.send(path_goal(request, self._settings.plugin_names()[0]))
             ending = sent.wait(PLAN_PATIENCE)
         if ending is None:
@@ -76,19 +76,14 @@ class MakePlan:
             rospy.logwarn("make_plan found no path: %s %s", outcome, ending.text)
         return response
 
-    def _serves_plans(self) -> bool:
-        """Return whether the server has a make_plan service of the chosen planner; the C++ server has none."""
-        name = self._settings.plugin_names()[0]
-        wanted = rospy.resolve_name(f"{self._server}/{name}/make_plan" if name else f"{self._server}/make_plan")
-        if self._plan_once.resolved_name != wanted:
-            self._plan_once = rospy.ServiceProxy(wanted, GetPlan)
-        try:
-            return bool(rosgraph.Master(rospy.get_name()).lookupService(wanted))
-        except (OSError, rosgraph.MasterException):
-            return False
+    def _plan_service(self) -> str:
+        """Return the name of the make_plan service of the chosen planner, or of the server where none is chosen."""
+        planner = self._settings.plugin_names()[0]
+        owner = f"{self._server}/{planner}" if planner else self._server
+        return str(rospy.resolve_name(f"{owner}/make_plan"))
 
-    def _answer_at_once(self, request: GetPlanRequest) -> GetPlanResponse:
-        call, deadline = ServiceCall(self._plan_once, request), time.monotonic() + PLAN_PATIENCE
+    def _answer_at_once(self, request: GetPlanRequest, service: rospy.ServiceProxy) -> GetPlanResponse:
+        call, deadline = ServiceCall(service, request), time.monotonic() + PLAN_PATIENCE
         while call.is_alive() and time.monotonic() < deadline:
             self._client.check()
             if not self._client.server_is_up:
@@ -101,6 +96,14 @@ class MakePlan:
         if self._settings.values.make_plan_add_unreachable_goal:
             append_goal(call.response.plan, request.goal)
         return call.response
+
+
+def _is_served(service: str) -> bool:
+    """Return whether anybody offers a service; the C++ server has no make_plan."""
+    try:
+        return bool(rosgraph.Master(rospy.get_name()).lookupService(service))
+    except (OSError, rosgraph.MasterException):
+        return False
 
 
 def path_goal(request: GetPlanRequest, planner: str) -> GetPathGoal:
