@@ -15,7 +15,7 @@ class Touched:
     def __init__(self) -> None:
         self._last: Dict[str, float] = {}
 
-    def is_anew(self, name: str, now: float) -> bool:
+    def note_contact(self, name: str, now: float) -> bool:
         """Record a contact at `now` (s) and return whether it is a new collision.
 
         It is after more than APART without contact, and where the clock was set back.

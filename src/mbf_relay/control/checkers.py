@@ -40,17 +40,17 @@ class GoalChecker:
 
     @property
     def turns(self) -> bool:
-        """Whether the position counted as reached in the last `is_turning`."""
+        """Whether the position counted as reached in the last `update_turning`."""
         return self._turns
 
     def tolerance_of(self, parameters: FollowerParameters) -> GoalTolerance:
         """Return the action's tolerance, or the parameters' where it has none."""
         return GoalTolerance.of(self.tolerance, parameters.xy_goal_tolerance, parameters.yaw_goal_tolerance)
 
-    def is_turning(
+    def update_turning(
         self, state: ControlState, goal: Pose2D, parameters: FollowerParameters, is_occupied: bool
     ) -> bool:
-        """Return whether the robot is to stop and turn to the goal's heading.
+        """Decide whether the robot is to stop and turn to the goal's heading, and return that.
 
         Within tolerance it drives on as long as that brings it nearer, unless the goal `is_occupied`. Once begun, the
         turn goes on until the robot is off by HYSTERESIS tolerances; with latch_xy_goal_tolerance, and the tolerance

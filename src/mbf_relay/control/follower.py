@@ -193,7 +193,7 @@ class PathFollower(Controller, abc.ABC):
         tolerance = self._goal_checker.tolerance_of(parameters).distance
         is_occupied = self._tracker.is_on_last_leg and self._blocked_goal_checker.check(
             state, cycle.path, cycle.checker, parameters, tolerance)
-        if self._ends_here(state, cycle.path.remaining) and self._goal_checker.is_turning(
+        if self._ends_here(state, cycle.path.remaining) and self._goal_checker.update_turning(
                 state, cycle.path.goal, parameters, is_occupied):
             self._turn_left = None
             return self._turn_at_goal(cycle)

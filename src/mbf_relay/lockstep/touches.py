@@ -48,7 +48,7 @@ class Touches:
         """
         elapsed = now - before[0]
         moved = Twist2D(*before[1].relative_to(pose)).scaled(-1.0 / elapsed) if elapsed > 0.0 else STOP
-        begun = [contact for contact in contacts if self._touched.is_anew(contact.name, now)]
+        begun = [contact for contact in contacts if self._touched.note_contact(contact.name, now)]
         is_touched = len({contact.name for contact in contacts}) > len(begun)
         motions = (moved, commanded) if is_touched else (moved,)
         for contact in begun:

@@ -72,7 +72,7 @@ class DriveLog:
 
     def add_contact(self, stamp: float, x: float, y: float, body: str) -> None:
         """Add a contact, unless it continues the last one with the same body."""
-        if self._touched.is_anew(body, stamp):
+        if self._touched.note_contact(body, stamp):
             self._contacts.append(ContactRecord(stamp, x, y, body))
 
     def start_goal(self, stamp: float, identity: str, pose: Pose2D) -> None:

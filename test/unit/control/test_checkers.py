@@ -26,7 +26,7 @@ def at(x, y=0.0, theta=0.0, velocity=STANDS, now=None):
 
 
 def turns(checker, state, parameters=PLAIN, is_occupied=False):
-    return checker.is_turning(state, IDENTITY, parameters, is_occupied)
+    return checker.update_turning(state, IDENTITY, parameters, is_occupied)
 
 
 @pytest.mark.parametrize("state, expected", [

@@ -7,7 +7,7 @@ from typing import Any
 from geometry_msgs.msg import PoseStamped, Quaternion
 
 
-def turned(pose: PoseStamped) -> PoseStamped:
+def with_orientation(pose: PoseStamped) -> PoseStamped:
     """Return the pose, with the identity in place of an all-zero quaternion.
 
     move_base's planners ignore orientations, so callers leave them at zeros.

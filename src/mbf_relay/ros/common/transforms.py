@@ -157,14 +157,15 @@ class CheckedListener:
             self._warn_of("", f"refused a message of /tf from {sender}: {error}")
             return
         for transform in transforms:
-            if self._is_sound(transform, sender, now, max_age):
+            if self._admit(transform, sender, now, max_age):
                 if max_age is None:
                     self._tell_of_move(transform, sender)
                     self._buffer.set_transform_static(transform, sender)
                 else:
                     self._buffer.set_transform(transform, sender)
 
-    def _is_sound(self, message: TransformStamped, sender: str, now: float, max_age: Optional[float]) -> bool:
+    def _admit(self, message: TransformStamped, sender: str, now: float, max_age: Optional[float]) -> bool:
+        """Enter a transform into the tree of frames; return whether it is to be taken, and warn where it is not."""
         parent, child = message.header.frame_id, message.child_frame_id
         try:
             take_transform(message)

@@ -15,7 +15,7 @@ from std_srvs.srv import Empty, EmptyRequest, EmptyResponse, Trigger, TriggerRes
 
 from mbf_relay.ros.common.actions.action_client import ActionClient
 from mbf_relay.ros.common.actions.server_watch import GONE, MUTE, ask_node
-from mbf_relay.ros.common.get_plan import append_goal, turned
+from mbf_relay.ros.common.get_plan import append_goal, with_orientation
 from mbf_relay.ros.common.outcome_codes import name_of
 
 PLAN_SLOT = 255
@@ -113,8 +113,8 @@ def path_goal(request: GetPlanRequest, planner: str) -> GetPathGoal:
     refuses, are replaced by the identity.
     """
     goal = GetPathGoal(
-        use_start_pose=bool(request.start.header.frame_id), start_pose=turned(request.start),
-        target_pose=turned(request.goal), tolerance=request.tolerance, planner=planner,
+        use_start_pose=bool(request.start.header.frame_id), start_pose=with_orientation(request.start),
+        target_pose=with_orientation(request.goal), tolerance=request.tolerance, planner=planner,
     )
     if hasattr(goal, "concurrency_slot"):
         goal.concurrency_slot = PLAN_SLOT

@@ -12,7 +12,7 @@ from mbf_relay.navigation.goals import PlanGoal, PlanResult
 from mbf_relay.navigation.navigator import Navigator
 from mbf_relay.outcomes import PlanningError
 from mbf_relay.ros.common.conversions import path_to_message
-from mbf_relay.ros.common.get_plan import turned
+from mbf_relay.ros.common.get_plan import with_orientation
 from mbf_relay.ros.server.messages import check_tolerance, framed_pose
 
 INSTANCE = "make_plan"
@@ -85,5 +85,5 @@ def _goal(request: GetPlanRequest, planner: str) -> PlanGoal:
         PlanningError: The tolerance is negative or not finite.
     """
     check_tolerance(request.tolerance)
-    start = framed_pose(turned(request.start)) if request.start.header.frame_id else None
-    return PlanGoal(framed_pose(turned(request.goal)), start, request.tolerance, planner)
+    start = framed_pose(with_orientation(request.start)) if request.start.header.frame_id else None
+    return PlanGoal(framed_pose(with_orientation(request.goal)), start, request.tolerance, planner)

@@ -93,7 +93,7 @@ class SimulatorTopics:
 
     def _tell_contacts(self, seen: Observations, now: float) -> None:
         """Publish contacts: at once where a body is touched anew, at times while the touch lasts."""
-        fresh = [contact for contact in seen.contacts if self._touched.is_anew(contact.name, now)]
+        fresh = [contact for contact in seen.contacts if self._touched.note_contact(contact.name, now)]
         for contact in fresh:
             self.contacts += 1
             rospy.logwarn(
