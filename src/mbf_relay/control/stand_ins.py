@@ -18,6 +18,11 @@ from mbf_relay.parameters import ParameterSet, convert, parameter
 
 TURNS_A_SECOND = 5.0
 """Highest min_vel_theta in yaw tolerances per second: a faster turn could overshoot the heading within a cycle."""
+RECONFIGURABLE = (
+    "max_vel_x", "max_vel_x_backwards", "max_vel_y", "max_vel_trans", "max_vel_theta", "acc_lim_x", "acc_lim_y",
+    "acc_lim_theta", "xy_goal_tolerance", "yaw_goal_tolerance",
+)
+"""Parameters of teb_local_planner that can be changed at run time: none that decides which controller drives."""
 
 
 @dataclass(frozen=True)
@@ -76,6 +81,7 @@ class TebStandIn(TranslatedController):
 
     Parameters: ClassVar[Type[ParameterSet]] = TebParameters
     parameters: TebParameters
+    dynamic_config = "mbf_relay.cfg.TebLocalPlannerConfig"
     stands_in = (
         "the dynamic window approach drives, and model predictive path integral control a car, with its velocities, "
         "accelerations and goal tolerances and the local costmap's footprint; its other parameters have no counterpart"
@@ -284,6 +290,7 @@ class MpcStandIn(TebStandIn):
     """Replaces mpc_local_planner as TebStandIn does teb_local_planner."""
 
     Parameters = MpcParameters
+    dynamic_config = ""
 
     def of_teb(self, parameters: MpcParameters) -> TebParameters:
         """Return the parameters by teb_local_planner's names."""

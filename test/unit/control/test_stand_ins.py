@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+import upstream_parameters
 from kinematics import PaperRobot, drive, path_through
 
 from mbf_relay.control import CONTROLLERS
@@ -163,3 +164,14 @@ def test_a_car_of_mpc_local_planner_steers_calmly_on_a_straight_path():
 def test_what_mpc_local_planner_cannot_drive_is_refused(robot, said):
     with pytest.raises(PluginError, match=said):
         create("planner", MPC, dict(robot=robot), Controller, CONTROLLERS)
+
+
+def test_a_program_that_slows_a_robot_down_by_teb_s_parameters_is_heard():
+    """It waited for a server of dynamic_reconfigure that was not there, and the robot went on at full speed."""
+    offered = upstream_parameters.offered("TebLocalPlanner")
+    values = dict(max_vel_x=0.5, max_vel_theta=1.0, acc_lim_x=1.0, acc_lim_theta=2.0, max_vel_x_backwards=0.1)
+    assert set(values) < set(offered) and offered["max_vel_x"][1] == 0.4
+    controller = create("TebLocalPlannerROS", TEB, values, Controller, CONTROLLERS)
+    controller.reconfigure(controller.parameters.reconfigured({"max_vel_x": 0.2, "max_vel_theta": 0.6})[0])
+    assert controller.dynamic_config and controller.top_speeds == (0.2, 0.6)
+    assert not create("MpcLocalPlannerROS", MPC, {}, Controller, CONTROLLERS).dynamic_config, "it has other parameters"
