@@ -39,7 +39,7 @@ class RotateParameters(ParameterSet):
 
 
 class Rotate(Recovery):
-    """Turns a full circle to the left, or to the right where more of that is free.
+    """Turns a full circle to the left.
 
     Before each step the footprint is checked along the rest of the circle on the current costmap. Unless all of it is
     free, the robot does not turn: after a part of a turn it would stand across a narrow place.
@@ -59,45 +59,41 @@ class Rotate(Recovery):
             RecoveryError: IMPASSABLE where an obstacle is in the way, TF_ERROR, FAILURE.
         """
         p = self.parameters
-        place = look(context, self.name)
-        left_free, right_free = (self._free_angle(place, FULL, sign) for sign in (1.0, -1.0))
-        sign = 1.0 if left_free >= right_free else -1.0
-        turned, rate, heading = 0.0, 0.0, place.pose.theta
+        turned, rate, heading = 0.0, 0.0, look(context, self.name).pose.theta
         while True:
             place = look(context, self.name)
-            turned += sign * angle_between(heading, place.pose.theta)
+            turned += angle_between(heading, place.pose.theta)
             heading = place.pose.theta
             left = FULL - turned
             if left <= p.yaw_goal_tolerance:
                 return
-            free = self._free_angle(place, left, sign)
+            free = self._free_angle(place, left)
             if free < left - 1e-9:
                 raise RecoveryError(
                     RecoveryOutcome.IMPASSABLE,
                     f"'{self.name}' cannot turn on: after {math.degrees(free):.0f} degrees more the footprint would "
                     "touch an obstacle",
                 )
-            rate = self._rate(context, left, sign, rate)
-            yield Twist2D(0.0, 0.0, sign * rate)
+            rate = self._rate(context, left, rate)
+            yield Twist2D(0.0, 0.0, rate)
 
-    def _rate(self, context: RecoveryContext, left: float, sign: float, last: float) -> float:
-        """Return the rotational speed (rad/s) in the direction of the turn for the next step.
+    def _rate(self, context: RecoveryContext, left: float, last: float) -> float:
+        """Return the rotational speed (rad/s) for the next step.
 
         Args:
             context: For period and velocity.
             left: Angle still to turn (rad).
-            sign: 1 for a turn to the left, -1 to the right.
             last: Speed commanded last (rad/s).
         """
         p = self.parameters
         change = p.acc_lim_theta * context.period
         wanted = max(speed_to_stop_within(left, p.acc_lim_theta, context.period), p.min_in_place_vel_theta)
-        present = sign * measured(lambda: context.velocity, self.name).theta
+        present = measured(lambda: context.velocity, self.name).theta
         base = last if abs(last - present) <= 2.0 * change else present
         return min(base + change, max(base - change, min(wanted, p.max_vel_theta)))
 
-    def _free_angle(self, place: CheckedPose, angle: float, sign: float) -> float:
+    def _free_angle(self, place: CheckedPose, angle: float) -> float:
         count = max(1, math.ceil(angle / self.parameters.sim_granularity))
-        headings = place.pose.theta + sign * angle * np.arange(1, count + 1) / count
+        headings = place.pose.theta + angle * np.arange(1, count + 1) / count
         poses = np.column_stack((np.full(count, place.pose.x), np.full(count, place.pose.y), headings))
         return angle * place.free_steps(poses) / count
