@@ -204,7 +204,8 @@ def test_a_robot_that_moves_already_goes_on_from_that_and_is_not_jerked_to_a_sta
 
 
 def test_back_up_goes_as_far_as_asked_or_as_there_is_room():
-    assert PaperWorld().run(make("back_up", distance=0.2)).robot.pose.x == pytest.approx(-0.2, abs=0.015)
+    world = PaperWorld().run(make("back_up", distance=0.2))
+    assert world.robot.pose.x == pytest.approx(-0.2, abs=0.015) and STOP not in world.commands, "there it waits"
     world = PaperWorld(boxes((-0.3, -1, -0.2, 1))).run(make("back_up", distance=0.3))
     assert -0.1 < world.robot.pose.x < -0.02 and world.touched == 0
 

@@ -65,6 +65,7 @@ def test_hundreds_of_goals_in_a_frame_nobody_knows_take_one_thread():
     frame.show(goal)
     assert goals == [goal], "the newest is shown, and those before it no more"
     wait_until(lambda: threading.active_count() <= before, "the thread to end")
+    assert goals == [goal], "an older one followed it"
 
 
 class LateTransforms(NoTransforms):
