@@ -22,7 +22,8 @@ from mbf_relay.view.wishes import Refused, Wish, wish_from
 HELLO_PATIENCE = 10.0
 """Wall time (s) within which a connection must send its token."""
 WISHES = 80.0
-"""Allowed rate (Hz) of a browser's messages: twice that of a page that drives by hand and shows all layers."""
+"""Allowed rate (Hz) of a browser's messages: nearly three times that of a page that drives by hand (12.5) and
+acknowledges every batch (15, see hub.PUMP_PERIOD)."""
 POLICY, TOO_MANY = 1008, 1013
 """Close codes of WebSocket (RFC 6455 and its registry): policy violation, and try again later."""
 _numbers = itertools.count(1)

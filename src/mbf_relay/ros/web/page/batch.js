@@ -17,7 +17,7 @@ export function decode(buffer) {
   return { number: view.getUint32(0, true), parts };
 }
 
-// Points as x, y (m) and, where there is one, a third column, in one flat array.
+// Points as x, y (m) and, where there is one, a third column (heading in rad, or cost from 0 to 1), in one flat array.
 export function points({ header, payload }) {
   const columns = header.columns || 2;
   if (!header.count) return { columns, values: new Float64Array(0) };

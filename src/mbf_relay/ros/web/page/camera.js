@@ -1,6 +1,6 @@
 // Where the map lies on the screen: metres to pixels, y up.
 
-const LEAST = 0.02, MOST = 2000;  // pixels per metre: fifty kilometres on a phone, a millimetre two dots wide
+const LEAST = 0.02, MOST = 2000;  // pixels per metre: 1000 pixels show 50 km, or half a metre
 
 export class Camera {
   constructor() {

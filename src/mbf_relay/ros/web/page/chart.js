@@ -1,4 +1,4 @@
-// Speed, and the error against the truth where there is one, over the last minute.
+// Speed (m/s), and where the truth is known the position's error (m), over the last minute.
 
 const SPAN = 60000, GAP = 2000;  // ms
 

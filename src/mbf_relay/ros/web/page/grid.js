@@ -4,7 +4,7 @@ const CHUNK = 1024;  // cells
 
 export class Grid {
   constructor(paint) {
-    this.paint = paint;  // 256 colours, one for each value
+    this.paint = paint;  // 256 colours, one for each value: 0 to 100, and 255 where nothing is known
     this.shape = null;
   }
 

@@ -1,4 +1,4 @@
-// What is known of the robot, as the batches bring it.
+// What is known of the robot, as the batches bring it: metres and radians in the map frame, speed as m/s and rad/s.
 
 import { inflate, points } from "./batch.js";
 import { mapPaint, PAINTS } from "./colours.js";

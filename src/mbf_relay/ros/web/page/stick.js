@@ -1,4 +1,4 @@
-// The driving stick: it drives only while it is held, and says so ten times a second.
+// The driving stick: it drives only while it is held, and sends its place every PERIOD, forward and left from -1 to 1.
 
 const PERIOD = 80;  // ms
 const KEYS = { ArrowUp: [1, 0], ArrowDown: [-1, 0], ArrowLeft: [0, 1], ArrowRight: [0, -1] };

@@ -3,7 +3,8 @@
 const CLICK = 8;  // pixels below which a drag is a click
 
 export class Tools {
-  // `on` holds functions: placed(tool, [x, y, heading]), changed(), moved(): the view was moved by hand, choose(tool).
+  // `robot` returns the robot's pose, or null. `on` holds functions: placed(tool, [x, y, heading]) with metres and
+  // radians in the map frame, changed(): draw anew, moved(): the view was moved by hand.
   constructor(canvas, camera, sketch, robot, on) {
     Object.assign(this, { canvas, camera, sketch, robot, on });
     this.tool = "look";
