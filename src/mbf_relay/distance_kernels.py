@@ -15,7 +15,14 @@ SHORT = 24
 
 @kernel("void(uint8[::1], int32[::1], int32[::1], int32)")
 def _down_a_row(cells, above, row, far):
-    """Write how far each cell of a row is below the last 0; a loop of its own is turned into vector code."""
+    """Write how many rows before each cell of a row its column had its last 0; a loop of its own makes vector code.
+
+    Args:
+        cells: The row, shape (width,).
+        above: Distances (cells) of the row before, shape (width,); may be `row` itself.
+        row: Result, shape (width,).
+        far: Largest distance told, which stands for "no 0 so far".
+    """
     for x in range(cells.shape[0]):
         distance = above[x] + np.int32(1)
         distance = distance if distance < far else far
@@ -24,7 +31,7 @@ def _down_a_row(cells, above, row, far):
 
 @kernel("void(int32[::1], int32[::1])")
 def _up_a_row(below, row):
-    """Lower the distances of a row to those from below."""
+    """Lower the distances (cells) of a row, shape (width,), to one more than those of the row after it, `below`."""
     for x in range(row.shape[0]):
         distance = below[x] + np.int32(1)
         row[x] = distance if distance < row[x] else row[x]
@@ -32,7 +39,13 @@ def _up_a_row(below, row):
 
 @kernel("void(float64[::1], float64, float64, float32[::1])")
 def _from_a_column(places, column, square, row):
-    """Write how far cells of a row are from a cell `square` (squared) off it; doubles, for they make vector code."""
+    """Write how far cells of a row are from a cell that lies in another row.
+
+    Args:
+        places: Columns of the cells, shape (N,); doubles, for they make vector code.
+        column, square: Column of that cell, and the square of its distance (cells) from the row.
+        row: Result (cells), shape (N,).
+    """
     for x in range(places.shape[0]):
         away = places[x] - column
         row[x] = math.sqrt(np.float32(away * away + square))
@@ -58,6 +71,13 @@ def _square_nearer(above, row):
 
 @kernel("void(uint16[::1], uint16[::1], uint16[::1], uint16)")
 def _lower_to(left, right, squared, step):
+    """Lower squares of distances, shape (N,), to those of the cells at either side plus the square of their distance.
+
+    Args:
+        left, right: Squares (cells squared) of the cells so many columns before and after, shape (N,).
+        squared: Result, lowered in place.
+        step: Square of that number of columns.
+    """
     for x in range(squared.shape[0]):
         nearer = left[x] if left[x] < right[x] else right[x]
         nearer = np.uint16(nearer + step)
@@ -66,6 +86,7 @@ def _lower_to(left, right, squared, step):
 
 @kernel("void(uint16[::1], float32[::1])")
 def _take_roots(squares, row):
+    """Write the roots of the squares of distances, shape (N,), as float32."""
     for x in range(squares.shape[0]):
         row[x] = math.sqrt(np.float32(squares[x]))
 
@@ -104,7 +125,8 @@ def distances_to_near_zeros(cells, reach, distances):
 def distances_to_zeros(cells, reach, distances):
     """Write the distance in cells from each cell's centre to that of the nearest cell that is 0.
 
-    Squared distances are whole numbers below (width + height)², so that all but the root is exact.
+    Squared distances are whole numbers below (width + height)², so that all but the root is exact; that is rounded to a
+    float32, above 4096 cells twice.
 
     Args:
         cells: Shape (height, width); at least one is 0.

@@ -104,7 +104,18 @@ def _require_loadable(path: Path) -> None:
 
 
 def _compile(sources: Dict[str, str], objects: Path) -> Dict[str, List[List[KernelEntry]]]:
-    """Make the object files that are not there and return what is in all: each kernel for each of the features."""
+    """Make the object files that are not there, and return what is in all of them.
+
+    Args:
+        sources: Digest of the source by name of the module.
+        objects: Folder of object files, made where it is not there; beside each a .json file tells what is in it.
+
+    Returns:
+        By name of the module a list for each kernel: itself for any processor, then for those of each feature.
+
+    Raises:
+        Exception: A module cannot be compiled.
+    """
     objects.mkdir(parents=True, exist_ok=True)
     found: Dict[str, List[List[KernelEntry]]] = {name: [] for name in sources}
     for features in sorted({each for name in sources for each in features_of(name)}):

@@ -53,12 +53,19 @@ def features_of(module_name: str) -> List[str]:
 def compile_module(module_name: str, object_path: str, features: str) -> List[KernelEntry]:
     """Compile the kernels of a module into an object file.
 
-    numba must have been told in its environment (NUMBA_CPU_NAME, NUMBA_CPU_FEATURES) for which processor.
+    numba must have been told for which processor by `environment`, before it was imported.
 
     Args:
         module_name: "mbf_relay.costmap.layer_kernels".
         object_path: Of the file to write.
         features: One of `features_of`.
+
+    Returns:
+        What is in it, in the module's order; symbols of one that is not for any processor end in "_wide".
+
+    Raises:
+        ValueError: The module has no kernels, or one with several signatures.
+        OSError: The file cannot be written.
     """
     import llvmlite.binding as llvm
 

@@ -25,6 +25,9 @@ def module_source(entries: Mapping[str, List[List[KernelEntry]]], sources: Mappi
     Args:
         entries: Kernels by their module's name, each made for any processor first, some then for those that can more.
         sources: Digest of each module's source, by which a later source is told from this one.
+
+    Raises:
+        KeyError: A kernel takes or returns what is no scalar of C_TYPES, C-contiguous array or tuple of equal scalars.
     """
     functions: List[str] = []
     table: List[str] = []
