@@ -54,7 +54,11 @@ def parse_arguments(arguments: Optional[List[str]] = None) -> argparse.Namespace
         "--stress", action="append", default=[], metavar="NAME=NUMBER,...",
         help="also replay the logs under stress, e.g. unmapped=0.3,range_max=3.5; may be repeated",
     )
-    parser.add_argument("--out", metavar="DIR", help="folder for results (default: LOG_localized)")
+    parser.add_argument(
+        "--out", metavar="DIR",
+        help="folder for results (default: LOG_localized); with several logs, seeds or stresses, which write nothing "
+        "by default, for the table as trials.json",
+    )
     start = parser.add_mutually_exclusive_group()
     start.add_argument(
         "--start", type=float, nargs=3, metavar=("X", "Y", "YAW"),
