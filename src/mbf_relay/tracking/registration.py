@@ -29,7 +29,7 @@ class Walls(NamedTuple):
     Attributes:
         x, y: Position of the sensor (m).
         heading: Heading of the sensor (rad).
-        directions, points, solid: See `tracker_kernels.pull`.
+        directions, points, solid: See `tracker_kernels.normal_equations`.
     """
 
     x: float
@@ -54,7 +54,7 @@ def walls_of(rays: Rays, heading: float, order: np.ndarray, moving: np.ndarray) 
         np.ascontiguousarray(rays.ends[order]), (rays.hits & ~moving)[order])
 
 
-def misplaced(
+def odometry_correction(
     before: Walls, x: float, y: float, heading: float, ends: np.ndarray, hits: np.ndarray, share: float
 ) -> Optional[Pose2D]:
     """Return the transform that corrects a scan's pose by odometry, from matching it with the scan before.
@@ -77,7 +77,7 @@ def misplaced(
         return None
     wrong = share * moved + LEAST, share * moved + LEAST, share * (turned + TURNED * moved) + LEAST
     motion = np.empty(3)
-    tracker_kernels.lay(
+    tracker_kernels.match_scan(
         before.x, before.y, before.directions, before.points, before.solid, x, y, ends, hits, 1.0 / np.square(wrong),
         GATES, NOISE, motion)
     dx, dy, turn = motion.tolist()

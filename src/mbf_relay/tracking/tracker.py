@@ -12,7 +12,7 @@ from mbf_relay.geometry import IDENTITY, Pose2D
 from mbf_relay.tracking import tracker_kernels
 from mbf_relay.tracking.clusters import Clusters, Rays, find_clusters, part_clusters, rays_of
 from mbf_relay.tracking.parameters import TrackerParameters
-from mbf_relay.tracking.registration import Walls, misplaced, walls_of
+from mbf_relay.tracking.registration import Walls, odometry_correction, walls_of
 from mbf_relay.tracking.track import Track
 from mbf_relay.tracking.tracker_kernels import (
     BELIEF,
@@ -138,7 +138,7 @@ class Tracker:
         self._stamp, self._tracks = stamp, None
         if heading is None:
             heading = float(np.arctan2(ends[0, 1] - y, ends[0, 0] - x)) if len(ends) else 0.0
-        rays = self._laid(x, y, heading, np.ascontiguousarray(ends[:, :2]), hits)
+        rays = self._matched(x, y, heading, np.ascontiguousarray(ends[:, :2]), hits)
         self._predict(elapsed or 0.0)
         clusters = self._clusters(rays)
         self._drop_old_scans(stamp)
@@ -146,7 +146,7 @@ class Tracker:
         taken = np.empty(len(noises), np.int64)
         tracker_kernels.associate(self._things, clusters.discs, noises, elapsed or 0.0, taken)
         tracker_kernels.correct(self._things, clusters.discs, noises, taken, stamp, elapsed or 0.0)
-        self._judge(clusters, taken, rays)
+        self._update_beliefs(clusters, taken, rays)
         self._begin(clusters.discs, noises, taken, stamp)
         self._forget(rays, stamp)
         order = np.argsort(rays.bearings, kind="stable")
@@ -155,15 +155,15 @@ class Tracker:
         if self.parameters.track_odometry_error > 0.0:
             self._walls = walls_of(rays, heading + self._frame.theta, order, self.moving)
 
-    def _laid(self, x: float, y: float, heading: float, ends: np.ndarray, hits: np.ndarray) -> Rays:
+    def _matched(self, x: float, y: float, heading: float, ends: np.ndarray, hits: np.ndarray) -> Rays:
         """Return a scan in the frame of matched scans, after matching it with the one before."""
         x, y, ends = _taken_to(self._frame, x, y, ends)
         if self._walls is not None:
-            wrong = misplaced(
+            correction = odometry_correction(
                 self._walls, x, y, heading + self._frame.theta, ends, hits, self.parameters.track_odometry_error)
-            if wrong is not None:
-                self._frame = wrong.compose(self._frame)
-                x, y, ends = _taken_to(wrong, x, y, ends)
+            if correction is not None:
+                self._frame = correction.compose(self._frame)
+                x, y, ends = _taken_to(correction, x, y, ends)
         return rays_of(x, y, ends, hits)
 
     def _predict(self, elapsed: float) -> None:
@@ -185,7 +185,7 @@ class Tracker:
         whole, hidden = self.parameters.track_noise, self.parameters.track_noise * HIDDEN_NOISE
         return np.where(clusters.discs[:, 3] > 0.0, whole * whole, hidden * hidden)
 
-    def _judge(self, clusters: Clusters, taken: np.ndarray, rays: Rays) -> None:
+    def _update_beliefs(self, clusters: Clusters, taken: np.ndarray, rays: Rays) -> None:
         """Update the belief that each object moves, and `moving`.
 
         Args:
@@ -198,7 +198,7 @@ class Tracker:
         for factor in (1.0, LONGER):
             depths = self._seen_before(factor * self.parameters.track_memory)
             tracker_kernels.mark_free(*depths, rays.ends, was_free)
-        tracker_kernels.judge(
+        tracker_kernels.update_beliefs(
             self._things, clusters.discs, taken, clusters.runs, clusters.order, was_free, self.parameters.track_slowest,
             self.moving)
 

@@ -217,7 +217,7 @@ def mark_free(x, y, directions, depths, ends, was_free):
 
 @kernel(
     "void(float64[:,::1], float64[:,::1], int64[::1], int64[:,::1], int64[::1], boolean[::1], float64, boolean[::1])")
-def judge(things, discs, taken, runs, order, was_free, slowest, moving):
+def update_beliefs(things, discs, taken, runs, order, was_free, slowest, moving):
     """Update the objects' belief to move, and mark the readings of moving objects.
 
     Args:
@@ -252,7 +252,7 @@ def judge(things, discs, taken, runs, order, was_free, slowest, moving):
 @kernel(
     "void(float64, float64, float64[::1], float64[:,::1], boolean[::1], float64, float64, float64[:,::1], boolean[::1],"
     " float64[::1], float64, float64, float64[:,::1])")
-def pull(x, y, directions, points, solid, at_x, at_y, ends, hits, motion, gate, noise, system):
+def normal_equations(x, y, directions, points, solid, at_x, at_y, ends, hits, motion, gate, noise, system):
     """Set up the normal equations of a point-to-line scan matching step.
 
     Each reading is compared with the line through two readings of the scan before, next to its direction.
@@ -305,11 +305,11 @@ def pull(x, y, directions, points, solid, at_x, at_y, ends, hits, motion, gate, 
 @kernel(
     "void(float64, float64, float64[::1], float64[:,::1], boolean[::1], float64, float64, float64[:,::1], boolean[::1],"
     " float64[::1], float64[::1], float64, float64[::1])")
-def lay(x, y, directions, points, solid, at_x, at_y, ends, hits, prior, gates, noise, motion):
+def match_scan(x, y, directions, points, solid, at_x, at_y, ends, hits, prior, gates, noise, motion):
     """Match a scan with the one before, by a Gauss-Newton step for each gate.
 
     Args:
-        x, y, directions, points, solid, at_x, at_y, ends, hits, noise: See `pull`.
+        x, y, directions, points, solid, at_x, at_y, ends, hits, noise: See `normal_equations`.
         prior: Inverse variances of the correction, whose mean is zero (1/m^2, 1/m^2, 1/rad^2), shape (3,).
         gates: Largest distance (m) between a reading and its line in each step, shape (K,).
         motion: Written: translation (m) and rotation (rad) about the scan's position, shape (3,).
@@ -317,7 +317,7 @@ def lay(x, y, directions, points, solid, at_x, at_y, ends, hits, prior, gates, n
     system = np.empty((3, 4))
     motion[:] = 0.0
     for gate in gates:
-        pull(x, y, directions, points, solid, at_x, at_y, ends, hits, motion, gate, noise, system)
+        normal_equations(x, y, directions, points, solid, at_x, at_y, ends, hits, motion, gate, noise, system)
         for i in range(3):
             system[i, i] += prior[i]
             system[i, 3] += prior[i] * motion[i]

@@ -11,7 +11,7 @@ from mbf_relay.tracking import registration
 from mbf_relay.tracking.clusters import rays_of
 from mbf_relay.tracking.parameters import TrackerParameters
 from mbf_relay.tracking.tracker import Tracker
-from mbf_relay.tracking.tracker_kernels import lay, pull
+from mbf_relay.tracking.tracker_kernels import match_scan, normal_equations
 
 POSTS = [(0.8, 0.4, 0.05), (1.1, -0.5, 0.1), (-0.9, -0.5, 0.1), (-0.7, 1.2, 0.15), (0.2, 1.6, 0.2), (1.8, 1.5, 0.05)]
 PERIOD = 0.2
@@ -76,7 +76,7 @@ def test_a_robot_that_stands_is_turned_by_nobody_who_walks_past():
     rays = rays_of(0.0, 0.0, *scan(0.0, 0.0, [(0.6, 0.0, 0.4)], np.random.default_rng(1)))
     ends, hits = scan(0.0, 0.0, [(0.6, 0.3, 0.4)], np.random.default_rng(2))
     walls = walls_of(rays, np.zeros(len(rays.hits), bool))
-    assert registration.misplaced(walls, 0.0, 0.0, 0.0, ends, hits, 0.3) is None
+    assert registration.odometry_correction(walls, 0.0, 0.0, 0.0, ends, hits, 0.3) is None
 
 
 @pytest.mark.parametrize("seed", range(10))
@@ -88,7 +88,7 @@ def test_a_scan_is_put_back_to_where_the_one_before_says_it_was(seed):
     told = Pose2D(1.2 * true.x, 0.8 * true.y, 1.25 * true.theta)
     ends, hits = scan(true.x, true.y, POSTS, rng, true.theta)
     wrong = told.compose(true.inverse())
-    found = registration.misplaced(walls, *told, wrong.transform_points(ends), hits, 0.3)
+    found = registration.odometry_correction(walls, *told, wrong.transform_points(ends), hits, 0.3)
     left = found.compose(told).relative_to(true)
     assert math.hypot(left.x, left.y) < 0.012 and abs(left.theta) < 0.012
 
@@ -101,7 +101,7 @@ def test_what_pulls_is_each_reading_s_distance_to_the_line_it_meets(seed):
     x, y, motion = 0.05, -0.1, np.array([0.02, 0.01, 0.05])
     ends, hits = scan(x, y, POSTS, rng, 0.1)
     found, expected = np.empty((3, 4)), np.zeros((3, 4))
-    pull(0.0, 0.0, walls.directions, walls.points, walls.solid, x, y, ends, hits, motion, 0.25, 0.02, found)
+    normal_equations(0.0, 0.0, walls.directions, walls.points, walls.solid, x, y, ends, hits, motion, 0.25, 0.02, found)
     size = len(walls.points)
     for end in ends[hits]:
         arm = np.array([[math.cos(0.05), -math.sin(0.05)], [math.sin(0.05), math.cos(0.05)]]) @ (end - (x, y))
@@ -133,8 +133,8 @@ def test_a_scan_is_laid_where_each_step_s_normal_equations_with_the_prior_say(se
     taken = (0.0, 0.0, walls.directions, walls.points, walls.solid, x, y, ends, hits)
     expected, system = np.zeros(3), np.empty((3, 4))
     for gate in gates:
-        pull(*taken, expected, gate, 0.02, system)
+        normal_equations(*taken, expected, gate, 0.02, system)
         expected -= np.linalg.solve(system[:, :3] + np.diag(prior), system[:, 3] + prior * expected)
     found = np.full(3, np.nan)
-    lay(*taken, prior, gates, 0.02, found)
+    match_scan(*taken, prior, gates, 0.02, found)
     assert found == pytest.approx(expected, rel=1e-9, abs=1e-12)

@@ -148,5 +148,5 @@ def test_a_thing_moves_that_is_fast_and_came_to_where_nothing_was(seed):
     was_free, moving = np.zeros((2, 60), dtype=bool)
     for scan in scans:
         kernels.mark_free(*arranged(*scan), ends, was_free)
-    kernels.judge(things, discs, taken, runs, order, was_free, 0.04, moving)
+    kernels.update_beliefs(things, discs, taken, runs, order, was_free, 0.04, moving)
     assert (was_free == was_empty).all() and (things == expected).all() and (moving == moves).all()
