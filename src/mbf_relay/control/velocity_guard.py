@@ -199,18 +199,9 @@ class VelocityGuard:
 
     def _judge_by_scan(self, asked: Twist2D, now: float) -> Verdict:
         sights = self._sights
-        for sight in sights:
-            off = math.hypot(*sight.laser_in_base[:2])
-            if sight.rides and off > self._radius + OFF_ROBOT:
-                return Verdict(
-                    STOP, UNSEEN, f"stopped: the lidar in {sight.scan.frame} sits {off:.2f} m from "
-                    f"{self._parameters.base_frame}, and the footprint reaches {self._radius:.2f} m from there: one of "
-                    "the two is not the robot's")
-        reach = max(math.hypot(*sight.laser_in_base[:2]) + sight.scan.range_max for sight in sights)
-        if reach <= self._inscribed_radius:
-            return Verdict(
-                STOP, UNSEEN, f"stopped: the footprint reaches {self._inscribed_radius:.2f} m to every side, and no "
-                f"lidar sees farther than {reach:.2f} m")
+        useless = self._why_useless(sights)
+        if useless:
+            return Verdict(STOP, UNSEEN, f"stopped: {useless}")
         share, in_the_way = 1.0, ""
         if not self._is_clear(asked, sights, now):
             for sight in sights:
@@ -228,6 +219,21 @@ class VelocityGuard:
         if in_the_way and share <= limit:
             return _slowed(asked, share, OBSTACLE, in_the_way)
         return _slowed(asked, limit, UNSEEN, unseen)
+
+    def _why_useless(self, sights: List[Sight]) -> str:
+        """Return why lidars cannot show what is round the footprint: off the robot, or too short; empty if they can."""
+        for sight in sights:
+            off = math.hypot(*sight.laser_in_base[:2])
+            if sight.rides and off > self._radius + OFF_ROBOT:
+                return (
+                    f"the lidar in {sight.scan.frame} sits {off:.2f} m from {self._parameters.base_frame}, and the "
+                    f"footprint reaches {self._radius:.2f} m from there: one of the two is not the robot's")
+        reach = max(math.hypot(*sight.laser_in_base[:2]) + sight.scan.range_max for sight in sights)
+        if reach <= self._inscribed_radius:
+            return (
+                f"the footprint reaches {self._inscribed_radius:.2f} m to every side, and no lidar sees farther than "
+                f"{reach:.2f} m")
+        return ""
 
     def _is_clear(self, velocity: Twist2D, sights: List[Sight], now: float) -> bool:
         """Return whether all points are too far away to be reached, so that the footprint need not be checked.
