@@ -8,16 +8,7 @@ from enum import Enum
 from typing import Any, Callable, Deque, Dict, List, Optional, Type
 
 import rospy
-from mbf_msgs.msg import (
-    ExePathAction,
-    ExePathResult,
-    GetPathAction,
-    GetPathResult,
-    MoveBaseAction,
-    MoveBaseResult,
-    RecoveryAction,
-    RecoveryResult,
-)
+from mbf_msgs.msg import ExePathAction, GetPathAction, MoveBaseAction, RecoveryAction
 
 from mbf_relay.navigation.goals import NavigateOutcome
 from mbf_relay.navigation.navigator import Navigator
@@ -60,7 +51,6 @@ class Action:
     Args:
         name: Name of the action in the node's private namespace.
         action_type: Generated message class.
-        result_type: Generated class of its result.
         outcomes: Enumeration of its outcomes.
         read: Converts a goal message; raises NavigationError where it is invalid. Called on the worker, since long
             paths take time.
@@ -78,13 +68,13 @@ class Action:
     """
 
     def __init__(
-        self, name: str, action_type: Any, result_type: Any, outcomes: Type[Enum], read: Callable[[Any], Any],
+        self, name: str, action_type: Any, outcomes: Type[Enum], read: Callable[[Any], Any],
         begin: Callable[[Any], Task[Any]], result: Callable[[Any, Any], Any],
         feedback: Optional[Callable[[Any, Any, str], Any]] = None, *, robot_frame: str, worker: Worker,
         wake: Callable[[], None], make_server: Callable[..., Any], ros_now: Callable[[], Any],
     ) -> None:
         self.name, self._read, self._begin_goal, self._result, self._feedback = name, read, begin, result, feedback
-        self._result_type, self._outcomes = result_type, outcomes
+        self._result_type, self._outcomes = type(action_type().action_result.result), outcomes
         self._robot_frame, self._worker, self._wake, self._ros_now = robot_frame, worker, wake, ros_now
         # guards the two below; taken while the action server's lock is held, so that one must not be taken inside this
         self._lock = threading.Lock()
@@ -253,15 +243,15 @@ def make_actions(
     }
     return [
         Action(
-            "get_path", GetPathAction, GetPathResult, PlanOutcome, messages.plan_goal, navigator.get_path,
-            messages.plan_result, **shared),
+            "get_path", GetPathAction, PlanOutcome, messages.plan_goal, navigator.get_path, messages.plan_result,
+            **shared),
         Action(
-            "exe_path", ExePathAction, ExePathResult, ControlOutcome, messages.follow_goal, navigator.exe_path,
-            messages.follow_result, messages.follow_feedback, **shared),
+            "exe_path", ExePathAction, ControlOutcome, messages.follow_goal, navigator.exe_path, messages.follow_result,
+            messages.follow_feedback, **shared),
         Action(
-            "recovery", RecoveryAction, RecoveryResult, RecoveryOutcome, messages.recover_goal, navigator.recovery,
+            "recovery", RecoveryAction, RecoveryOutcome, messages.recover_goal, navigator.recovery,
             messages.recover_result, **shared),
         Action(
-            "move_base", MoveBaseAction, MoveBaseResult, NavigateOutcome, messages.navigate_goal, navigator.move_base,
+            "move_base", MoveBaseAction, NavigateOutcome, messages.navigate_goal, navigator.move_base,
             messages.navigate_result, messages.navigate_feedback, **shared),
     ]
