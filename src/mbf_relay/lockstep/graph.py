@@ -256,31 +256,40 @@ class Graph:
             with self._stages.stage("localization"):
                 self._localizer.process(odom_pose, scan, self.laser_in_base)
                 self.robot.map_from_odom = self._localizer.map_from_odom
+        with self._stages.stage("costmaps"):
+            self._observe(scan, raw, odom_pose)
+
+    def _observe(self, scan: LaserScan, raw: LaserScan, odom_pose: Pose2D) -> None:
+        """Give a scan to the costmaps, or what is wrong with it.
+
+        Args:
+            scan, raw: The scan, and as it was before its timing was corrected.
+            odom_pose: Pose of the base in odometry's frame at the scan's time.
+        """
         points: Dict[bool, Tuple[np.ndarray, np.ndarray]] = {}  # the scan's points, by inf_is_valid
         unseen_at = unseen_points(scan)
-        with self._stages.stage("costmaps"):
-            forward, laser_in_odom = -self.laser_in_base.theta, odom_pose.compose(self.laser_in_base)
-            troubles = {gap: each.trouble(raw, forward, laser_in_odom) for gap, each in self._monitors.items()}
-            for costmap in reversed(tuple(self.costmaps.values())):  # the local one first, see _share_scans
-                try:
-                    odom_in_costmap = self.robot.transform(costmap.frame, self._odom_frame)
-                except TransformError:
+        forward, laser_in_odom = -self.laser_in_base.theta, odom_pose.compose(self.laser_in_base)
+        troubles = {gap: each.trouble(raw, forward, laser_in_odom) for gap, each in self._monitors.items()}
+        for costmap in reversed(tuple(self.costmaps.values())):  # the local one first, see _share_scans
+            try:
+                odom_in_costmap = self.robot.transform(costmap.frame, self._odom_frame)
+            except TransformError:
+                continue
+            base = odom_in_costmap.compose(odom_pose)
+            laser = base.compose(self.laser_in_base)
+            for name, source in costmap.sources.items():
+                if source.data_type != "LaserScan":
                     continue
-                base = odom_in_costmap.compose(odom_pose)
-                laser = base.compose(self.laser_in_base)
-                for name, source in costmap.sources.items():
-                    if source.data_type != "LaserScan":
-                        continue
-                    trouble = troubles[source.largest_gap]
-                    if trouble is not None:
-                        costmap.refuse(name, trouble)
-                    else:
-                        if source.inf_is_valid not in points:
-                            points[source.inf_is_valid] = scan_points(scan, source.inf_is_valid)
-                        seen = observation_from_level_points(
-                            *points[source.inf_is_valid], laser, scan.stamp, self._scan_height)
-                        unseen = None if unseen_at is None else laser.transform_points(unseen_at)
-                        costmap.observe(name, replace(seen, base=base, unseen=unseen), self.now)
+                trouble = troubles[source.largest_gap]
+                if trouble is not None:
+                    costmap.refuse(name, trouble)
+                    continue
+                if source.inf_is_valid not in points:
+                    points[source.inf_is_valid] = scan_points(scan, source.inf_is_valid)
+                seen = observation_from_level_points(
+                    *points[source.inf_is_valid], laser, scan.stamp, self._scan_height)
+                unseen = None if unseen_at is None else laser.transform_points(unseen_at)
+                costmap.observe(name, replace(seen, base=base, unseen=unseen), self.now)
 
     def _laser_at(self, time: float) -> Pose2D:
         return self.robot.odometry_at(time).compose(self.laser_in_base)
