@@ -178,6 +178,7 @@ def plain_row(polar, bearing, distance, needed, like):
 def plain(x, y, ends, marks, before, in_dust):
     """Return the marks that count, one after the other, and how many one beam hits and no other scan."""
     kept, alone = [], 0
+    ends, marks, before = ends.tolist(), marks.tolist(), [scan.tolist() for scan in before]  # an array's rows are slow
     polar = sorted((math.atan2(end[1] - y, end[0] - x), math.hypot(end[0] - x, end[1] - y)) for end in ends)
     for mark in marks:
         bearing, distance = math.atan2(mark[1] - y, mark[0] - x), math.hypot(mark[0] - x, mark[1] - y)
@@ -186,7 +187,7 @@ def plain(x, y, ends, marks, before, in_dust):
         if in_dust:
             needed, like = min(1 + REMEMBERED_IN_DUST, max(3, math.ceil(THIN_IN_DUST / pitch))), LIKE_IN_DUST
         row = plain_row(polar, bearing, distance, needed, like)
-        seen = sum(any(math.hypot(*(mark - other)) < like for other in scan) for scan in before)
+        seen = sum(any(math.hypot(mark[0] - other[0], mark[1] - other[1]) < like for other in scan) for scan in before)
         if row + seen >= needed or not before:
             kept.append(mark)
         alone += bool(before) and row == 1 and seen == 0
