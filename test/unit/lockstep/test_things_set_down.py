@@ -77,7 +77,7 @@ def test_a_robot_round_which_things_are_set_down_touches_none_and_arrives_once_t
 @pytest.mark.parametrize("radius, distance", [(0.003, 0.2), (0.003, 0.5), (0.006, 0.35)])
 def test_a_rod_that_no_more_than_a_beam_or_two_hit_is_not_run_over(radius, distance):
     """What one beam alone hits counts from its second scan on, which comes soon enough."""
-    drive = FaultyDrive(1)
+    drive = FaultyDrive(1, goal=0)
     try:
         assert drive.step_until(drive.is_driving, 20.0), "it never drove"
         there = drive.simulation.true_pose.compose(Pose2D(distance, 0.0, 0.0))
