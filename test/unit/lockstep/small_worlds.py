@@ -15,6 +15,8 @@ from mbf_relay.planning.planner import Planner
 
 FREE = {"name": "free", "cylinders": [[1.0, 0.6, 0.1, 0.5], [1.0, -0.6, 0.1, 0.5]], "start": [0.0, 0.0, 0.0],
         "goal": [1.6, 0.1, 0.0], "goal_radius": 0.3, "reference_path_length": 1.6, "time_limit": 30.0}
+NEAR = {**FREE, "goal": [0.4, 0.0, 0.0], "reference_path_length": 0.4}
+"""For what any drive shows that succeeds."""
 BENT = {**FREE, "name": "bent", "cylinders": [[0.8, 0.05, 0.15, 0.5]]}
 BLOCKED_START = {**FREE, "name": "blocked_start", "cylinders": [[0.05, 0.05, 0.1, 0.5]]}
 WALLED_IN = {

@@ -140,7 +140,7 @@ def test_a_mistake_in_a_layer_is_told_by_its_own_line(tmp_path):
 
 
 def test_an_episode_that_computes_for_ever_is_ended_and_driven_again_on_request(tmp_path, capsys):
-    worlds = small_worlds.write(tmp_path / "worlds.json", small_worlds.FREE, small_worlds.BENT)
+    worlds = small_worlds.write(tmp_path / "worlds.json", small_worlds.NEAR, small_worlds.BENT)
     hang = "controllers=[{name: own, type: small_worlds.Hanging}]"
     arguments = [worlds, "--out", str(tmp_path / "out"), "--jobs", "1", "--time-limit", "0.5", "--set", hang]
     assert batch.main(arguments) == 0
@@ -189,12 +189,12 @@ def test_seeds_are_a_number_or_a_range(tmp_path, capsys):
 def test_a_world_that_was_edited_is_named_when_a_batch_goes_on(tmp_path, capsys):
     out, file = str(tmp_path / "out"), tmp_path / "worlds.json"
     mover = {**small_worlds.RUN_OVER["movers"][0], "waypoints": [[0.0, 1.0, 2.0], [4.0, 1.0, 3.0]], "loop": True}
-    walked = {**small_worlds.FREE, "name": "walked", "movers": [mover]}
-    arguments = [small_worlds.write(file, small_worlds.FREE, walked), "--jobs", "1", "--out", out]
+    walked = {**small_worlds.NEAR, "name": "walked", "movers": [mover]}
+    arguments = [small_worlds.write(file, small_worlds.NEAR, walked), "--jobs", "1", "--out", out]
     assert batch.main(arguments) == 0
     digests = json.loads((tmp_path / "out" / "settings.json").read_text())["world_digests"]
     assert set(digests) == {"free", "walked"}
-    small_worlds.write(file, small_worlds.FREE, {**walked, "movers": [{**mover, "loop": False}]})
+    small_worlds.write(file, small_worlds.NEAR, {**walked, "movers": [{**mover, "loop": False}]})
     capsys.readouterr()
     assert batch.main(arguments) == 1
     assert "holds results of other settings (world 'walked' is another one now)" in capsys.readouterr().err
@@ -206,7 +206,7 @@ def test_a_robot_of_ones_own_goes_with_the_work_and_an_edited_one_is_another(tmp
     monkeypatch.chdir(tmp_path / "home")
     robot = Path("mine.yaml")
     robot.write_text((ROOT / "config" / "robot" / "burger.yaml").read_text())
-    worlds = small_worlds.write(tmp_path / "worlds.json", small_worlds.FREE)
+    worlds = small_worlds.write(tmp_path / "worlds.json", small_worlds.NEAR)
     arguments = [worlds, "--robot", "mine.yaml", "--jobs", "1", "--out", str(tmp_path / "out")]
     assert batch.main(arguments) == 0
     setup = make_setup(config_folder(), has_map=False, robot="mine.yaml")
@@ -245,7 +245,7 @@ def test_parameters_of_ones_own_that_mean_nothing_are_told_before_a_night_is_dri
         "  local_costmap: {inflation_layer: {inflation_radus: 0.9}}\n  nonsense: 3\n  straight: {weave: 0.1}\n"
         "amcl: {min_particle: 3, initial_pose_x: 1.0}\nsimulator: {scan_nois: 0.3, truth_rate: 30.0}\n"
     )
-    arguments = [small_worlds.write(tmp_path / "worlds.json", small_worlds.FREE), "--jobs", "1"]
+    arguments = [small_worlds.write(tmp_path / "worlds.json", small_worlds.NEAR), "--jobs", "1"]
     assert batch.main([*arguments, "--config", str(own), "--out", str(tmp_path / "own")]) == 0
     told = [line for line in capsys.readouterr().err.splitlines() if line.startswith("batch.py: ")]
     for name, hint in (("move_base_flex.DWAPlannerROS.sim_tim", "'sim_time'"), ("move_base_flex.nonsense", ""),
@@ -261,8 +261,8 @@ def test_parameters_of_ones_own_that_mean_nothing_are_told_before_a_night_is_dri
 
 
 def test_worlds_of_which_some_have_a_map_are_not_all_driven_without(tmp_path, capsys):
-    mapped = {**small_worlds.FREE, "name": "mapped", "map": str(ROOT / "config" / "maps" / "turtlebot3_world.yaml")}
-    file = small_worlds.write(tmp_path / "worlds.json", small_worlds.FREE, mapped)
+    mapped = {**small_worlds.NEAR, "name": "mapped", "map": str(ROOT / "config" / "maps" / "turtlebot3_world.yaml")}
+    file = small_worlds.write(tmp_path / "worlds.json", small_worlds.NEAR, mapped)
     arguments = [file, "--jobs", "1", "--out", str(tmp_path / "out")]
     assert batch.main(arguments) == 1
     told = capsys.readouterr().err
@@ -292,7 +292,7 @@ def test_own_parameters_lie_over_the_packages_and_plugins_of_ones_own_have_their
 
 def test_a_ci_that_requires_drives_to_succeed_is_red_where_they_fail(tmp_path, capsys):
     """The status was 0 where every drive failed, and there was no way to ask for another."""
-    worlds = small_worlds.write(tmp_path / "worlds.json", small_worlds.FREE, small_worlds.BLOCKED_START)
+    worlds = small_worlds.write(tmp_path / "worlds.json", small_worlds.NEAR, small_worlds.BLOCKED_START)
     common = [worlds, "--jobs", "1", "--out", str(tmp_path / "out")]
     assert batch.main(common) == 0
     assert batch.main([*common, "--require", "0.5"]) == 0
@@ -369,8 +369,8 @@ def test_a_reader_of_the_summary_that_has_gone_costs_no_result(tmp_path):
 
 
 def test_a_batch_of_one_world_can_be_widened(tmp_path, capsys):
-    worlds = small_worlds.write(tmp_path / "worlds.json", small_worlds.FREE, small_worlds.BENT)
-    assert batch.main([worlds, "--out", str(tmp_path / "out"), "--only", "bent"]) == 0
+    worlds = small_worlds.write(tmp_path / "worlds.json", small_worlds.NEAR, {**small_worlds.NEAR, "name": "nearer"})
+    assert batch.main([worlds, "--out", str(tmp_path / "out"), "--only", "nearer"]) == 0
     assert batch.main([worlds, "--out", str(tmp_path / "out")]) == 0
     assert "1 of 2 episodes have a result already" in capsys.readouterr().err
     assert len((tmp_path / "out" / LINES).read_text().splitlines()) == 2

@@ -36,7 +36,6 @@ from mbf_relay.lockstep.tasks import load_tasks  # noqa: E402
 ROOT = Path(__file__).resolve().parents[3]
 PACKAGE = Path(mbf_relay.__file__).parents[1]
 """Where the package was found: a build's has the kernels, which numba would compile anew in each process."""
-SHORT = {**small_worlds.FREE, "goal": [0.4, 0.0, 0.0], "reference_path_length": 0.4}
 PATIENCE = 300
 DEATH_OF_PARENT = 1
 """Linux's prctl: which signal a process gets when the thread that started it ends."""
@@ -124,7 +123,7 @@ def jobs_of(tmp_path, seeds, *worlds):
 
 
 def test_workers_that_die_stop_and_come_change_no_result(tmp_path, processes):
-    worlds = [small_worlds.BENT, small_worlds.FREE] if LONG else [SHORT]
+    worlds = [small_worlds.BENT, small_worlds.FREE] if LONG else [small_worlds.NEAR]
     jobs = jobs_of(tmp_path, range(1, 31 if LONG else 17), *worlds)
     processes.scheduler()
     first, second, _third = (processes.worker(name) for name in ("one", "two", "three"))
@@ -234,7 +233,7 @@ def test_a_worker_of_other_sources_and_one_without_the_package_get_no_work(tmp_p
     processes.scheduler()
     processes.worker("other", source=other / "src")
     processes.worker("bare", source=tmp_path)
-    jobs = jobs_of(tmp_path, [1, 2], SHORT)
+    jobs = jobs_of(tmp_path, [1, 2], small_worlds.NEAR)
     with connected(sources([]), 0, scheduler_file=processes.file, say=told.append) as cluster:
         until(lambda: len(cluster._client.nthreads()) == 2)
         with pytest.raises(ClusterError, match="no worker is fit"):
@@ -274,7 +273,7 @@ def test_a_batch_killed_at_work_leaves_nothing_in_the_temporary_folder(tmp_path,
 @pytest.mark.parametrize("option", ["--scheduler", "--scheduler-file"])
 def test_a_scheduler_that_is_not_there_is_named(tmp_path, capsys, option, monkeypatch):
     monkeypatch.setattr("mbf_relay.lockstep.cluster.CONNECTING", 1.0)
-    worlds = small_worlds.write(tmp_path / "worlds.json", SHORT)
+    worlds = small_worlds.write(tmp_path / "worlds.json", small_worlds.NEAR)
     with socket.socket() as taken:
         taken.bind(("127.0.0.1", 0))
         where = f"tcp://127.0.0.1:{taken.getsockname()[1]}" if option == "--scheduler" else str(tmp_path / "none.json")
@@ -290,7 +289,7 @@ def test_a_mistyped_address_or_another_file_is_named_at_once(tmp_path, capsys, a
     file = tmp_path / "scheduler.json"
     file.write_text("junk" if address is None else json.dumps({"address": address}))
     options = [("--scheduler-file", str(file))] + [("--scheduler", address)] * isinstance(address, str)
-    worlds = small_worlds.write(tmp_path / "worlds.json", SHORT)
+    worlds = small_worlds.write(tmp_path / "worlds.json", small_worlds.NEAR)
     for option, where in options:
         assert batch.main([worlds, option, where, "--out", str(tmp_path / "out")]) == 1
         (line,) = capsys.readouterr().err.splitlines()

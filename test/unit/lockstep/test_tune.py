@@ -22,7 +22,7 @@ from mbf_relay.lockstep.setup import make_setup  # noqa: E402
 from mbf_relay.lockstep.smoothness import Smoothness  # noqa: E402
 from mbf_relay.lockstep.trials import value_of  # noqa: E402
 
-SHORT = {**small_worlds.FREE, "goal": [0.3, 0.0, 0.0], "goal_radius": 0.1, "reference_path_length": 0.3}
+SHORT = {**small_worlds.FREE, "goal": [0.2, 0.0, 0.0], "goal_radius": 0.1, "reference_path_length": 0.2}
 SAMPLE = Path(__file__).resolve().parents[3] / "config" / "worlds" / "sample.json"
 SLOW = ["--set", "controllers=[{name: mine, type: small_worlds.Slow}]", "--set", "mine.pace=0.03", "--jobs", "1"]
 
