@@ -146,6 +146,23 @@ def test_changed_cells_are_found_row_by_row():
 
 
 @pytest.mark.parametrize("seed", range(20))
+def test_all_that_is_known_beside_a_change_waits_again(seed):
+    rng = np.random.default_rng(seed)
+    field = np.where(rng.random((23, 37)) < rng.choice((0.02, 0.5)), rng.uniform(1.0, 9.0, (23, 37)), 0.0).astype(F)
+    changed = np.column_stack((rng.integers(0, 37, 50), rng.integers(0, 23, 50))).astype(np.int32)
+    forgotten = (rng.integers(0, 23, 60) * 65536 + rng.integers(0, 37, 60)).astype(np.int32)
+    middles = [(int(cell) & 65535, int(cell) >> 16) for cell in forgotten[:40]] + changed.tolist()
+    expected = [
+        (row * 65536 + column, field[row, column])
+        for x, y in middles for row in range(max(y - 1, 0), min(y + 2, 23))
+        for column in range(max(x - 1, 0), min(x + 2, 37)) if field[row, column] > 0.0]
+    state = np.zeros(queue_kernels.STATE_SIZE, np.int64)
+    store = np.zeros(900, np.int32), np.zeros(900, np.float32)
+    assert queue_kernels.requeue(field, changed, forgotten, 40, *store, state) == len(expected)
+    assert list(zip(*(part[:len(expected)].tolist() for part in store))) == expected
+
+
+@pytest.mark.parametrize("seed", range(20))
 @pytest.mark.parametrize("is_empty", [True, False])
 def test_both_fields_move_alike_what_waits_into_the_ring(seed, is_empty):
     """A kernel that another calls stays in its file, so there are two; where nothing is added to values they agree."""

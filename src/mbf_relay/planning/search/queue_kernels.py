@@ -243,6 +243,13 @@ def requeue(field, changed, forgotten, count, apart_cells, apart_keys, state):
             middle_x, middle_y = np.int64(forgotten[n] & 65535), np.int64(forgotten[n] >> 16)
         else:
             middle_x, middle_y = np.int64(changed[n - count, 0]), np.int64(changed[n - count, 1])
+        if 0 < middle_x < width - 1 and 0 < middle_y < height - 1:
+            known = np.float32(0.0)  # one in thirty of these cells has a known neighbour: summed without branches
+            for y in range(middle_y - 1, middle_y + 2):
+                for x in range(middle_x - 1, middle_x + 2):
+                    known += field[np.uint64(y), np.uint64(x)]
+            if known == 0.0:
+                continue
         for y in range(max(middle_y - 1, 0), min(middle_y + 2, height)):  # type: ignore[call-overload]
             for x in range(max(middle_x - 1, 0), min(middle_x + 2, width)):  # type: ignore[call-overload]
                 value = field[np.uint64(y), np.uint64(x)]
