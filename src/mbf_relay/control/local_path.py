@@ -282,13 +282,12 @@ def _thinned(poses: np.ndarray, spacing: float) -> np.ndarray:
 
 def _folds(points: np.ndarray, leg: float) -> List[int]:
     """Return the indices of the folds of a path of points (N, 2); none within `leg` (m) of its ends."""
-    arcs = _arcs_along(points)
-    inner = np.flatnonzero((arcs >= leg) & (arcs <= arcs[-1] - leg))
-    before, after = (
-        np.column_stack([np.interp(arcs[inner] + way, arcs, points[:, axis]) for axis in (0, 1)])
-        for way in (-leg, leg))
-    products = ((points[inner] - before) * (after - points[inner])).sum(axis=1) / (leg * leg)
+    arcs, inner, products = _arcs_along(points), np.empty(len(points), np.int64), np.empty(len(points))
+    count = path_kernels.compare_legs(points, arcs, leg, inner, products)
+    inner, products = inner[:count], products[:count] / (leg * leg)
     sharp = np.flatnonzero(products < FOLD)
+    if not len(sharp):
+        return []
     runs = np.split(sharp, np.flatnonzero(np.diff(arcs[inner[sharp]]) > 0.5 * leg) + 1)  # of one fold each
     return [int(inner[run[np.argmin(products[run])]]) for run in runs if len(run)]
 

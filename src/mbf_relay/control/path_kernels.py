@@ -54,6 +54,15 @@ def look_ahead(poses, way, points):
             points[n, 1] += way * math.sin(poses[n, 2])
 
 
+@kernel("float64(float64, int64, float64[::1], float64[:,::1], int64)")
+def _beyond(place, low, places, values, column):
+    """Return `interpolate` for a place whose last index not beyond it, `low`, is known."""
+    if places[low] == place or low == places.shape[0] - 1:
+        return values[low, column]
+    slope = (values[low + 1, column] - values[low, column]) / (places[low + 1] - places[low])
+    return slope * (place - places[low]) + values[low, column]
+
+
 @kernel("float64(float64, float64[::1], float64[:,::1], int64)")
 def interpolate(place, places, values, column):
     """Return a column of `values`, shape (N, 2), where `place` lies among rising `places`, as numpy.interp does."""
@@ -69,10 +78,36 @@ def interpolate(place, places, values, column):
             low = middle
         else:
             high = middle
-    if places[low] == place:
-        return values[low, column]
-    slope = (values[low + 1, column] - values[low, column]) / (places[low + 1] - places[low])
-    return slope * (place - places[low]) + values[low, column]
+    return _beyond(place, low, places, values, column)
+
+
+@kernel("int64(float64[:,::1], float64[::1], float64, int64[::1], float64[::1])")
+def compare_legs(points, arcs, leg, inner, products):
+    """Compare the ways that lead to and from each inner point of a path; return the number of inner points.
+
+    Args:
+        points: Shape (N, 2) in metres.
+        arcs: Shape (N,): arc length (m) at each of them.
+        leg: Length (m) of these ways along the path; inner points are as far from both ends.
+        inner: Shape (N,), filled from the front with the indices of the inner points.
+        products: Shape (N,), filled from the front with the inner product (m^2) of the two ways at each.
+    """
+    last, count, behind, ahead = points.shape[0] - 1, 0, 0, 0
+    for n in range(last + 1):
+        if not leg <= arcs[n] <= arcs[last] - leg:
+            continue
+        while behind < last and arcs[behind + 1] <= arcs[n] - leg:
+            behind += 1
+        while ahead < last and arcs[ahead + 1] <= arcs[n] + leg:
+            ahead += 1
+        product = 0.0
+        for axis in range(2):
+            before = _beyond(arcs[n] - leg, behind, arcs, points, axis)
+            after = _beyond(arcs[n] + leg, ahead, arcs, points, axis)
+            product += (points[n, axis] - before) * (after - points[n, axis])
+        inner[count], products[count] = n, product
+        count += 1
+    return count
 
 
 @kernel("int64(float64[:,::1], float64[::1], float64, int64, float64[:,::1])")

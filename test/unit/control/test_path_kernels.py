@@ -55,6 +55,24 @@ def test_a_point_of_a_path_is_the_one_numpy_finds(seed):
         assert found == [np.interp(place, arcs, points[:, axis]) for axis in (0, 1)]
 
 
+@SEEDS
+def test_ways_to_and_from_a_point_are_compared_as_with_whole_arrays(seed):
+    rng = np.random.default_rng(seed)
+    points, arcs = random_line(rng)
+    if seed % 3 == 0 and len(points) > 4:
+        points[3] = points[2]  # a point twice
+        path_kernels.measure(points, arcs)
+    leg = float(rng.choice((arcs[len(arcs) // 3], rng.uniform(0.0, 0.6 * arcs[-1]))))
+    inner, products = np.empty(len(points), np.int64), np.empty(len(points))
+    count = path_kernels.compare_legs(points, arcs, leg, inner, products)
+    between = np.flatnonzero((arcs >= leg) & (arcs <= arcs[-1] - leg))
+    before, after = (
+        np.column_stack([np.interp(arcs[between] + way, arcs, points[:, axis]) for axis in (0, 1)])
+        for way in (-leg, leg))
+    assert (inner[:count] == between).all() and count == len(between)
+    assert (products[:count] == ((points[between] - before) * (after - points[between])).sum(axis=1)).all()
+
+
 def test_what_lies_ahead_of_poses_is_in_their_direction():
     poses = np.random.default_rng(1).normal(0.0, 2.0, (50, 3))
     points = np.empty((50, 2))
