@@ -128,6 +128,20 @@ def test_the_build_lies_under_the_users_cache(tmp_path):
     assert where(HOME=str(tmp_path)).stdout.startswith(f"{tmp_path}/.cache/mbf_relay/")
 
 
+def test_a_container_that_is_given_the_home_does_not_run_what_the_machine_has_built(tmp_path):
+    """Noetic's container ran nodes by an interpreter that only Debian has, and neither of the two built anew."""
+    told = []
+    for name in ("debian", "ubuntu"):
+        release, run = tmp_path / f"{name}-release", tmp_path / "checkout" / "scripts" / "run"
+        release.write_text(f"ID={name}\nVERSION_ID=20.04\n")
+        run.parent.mkdir(parents=True, exist_ok=True)
+        run.write_text(RUN.read_text(encoding="utf-8").replace("/etc/os-release", str(release)), encoding="utf-8")
+        told.append(subprocess.run(
+            ["bash", str(run), "--where"], env={"PATH": os.environ["PATH"], "HOME": str(tmp_path)}, check=True,
+            stdout=subprocess.PIPE, text=True, timeout=60.0).stdout)
+    assert told[0] != told[1]
+
+
 @pytest.mark.skipif(FALLBACK.exists() or FALLBACK.is_symlink(), reason=f"{FALLBACK} is in use")
 @pytest.mark.parametrize("environment", [{}, {"HOME": "/proc/none"}, {"HOME": "/proc"}, {"HOME": "/dev/null"}])
 def test_without_a_home_that_can_be_written_it_lies_beside(environment):
