@@ -105,12 +105,14 @@ def test_two_that_cross_keep_their_numbers():
     assert len(set.union(*numbers)) <= 3
 
 
-def test_a_track_that_jumps_and_a_clock_set_back_leave_nothing_wrong():
-    tracker, _ = follow(lambda t: [(1.0, -0.5 + 0.25 * t, 0.12)])
+def test_one_that_is_gone_is_not_taken_to_have_jumped_to_what_appears_elsewhere():
+    tracker, counts = follow(lambda t: [(1.0, -0.5 + 0.25 * t, 0.12)])
     rng = np.random.default_rng(3)
     for step in range(6):
         tracker.update(0.0, 0.0, *scan(0.0, 0.0, [(-1.0, 1.5, 0.12)], rng), 14.0 + 0.2 * step)
-    assert all(track.speed < 0.4 for track in tracker.tracks)
+        counts.append(len(tracker.tracks))
+        assert all(track.speed < 0.4 for track in tracker.tracks)
+    assert counts[-7:-4] == [1] * 3 and counts[-1] == 0
 
 
 @pytest.mark.parametrize("stamp", [3.0, 1000.0], ids=["back", "forward"])
