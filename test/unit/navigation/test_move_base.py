@@ -1,5 +1,7 @@
 """move_base: planning, driving, replanning, and being called off at any of them."""
 
+import itertools
+
 import numpy as np
 import pytest
 import scripted
@@ -88,6 +90,15 @@ def test_it_replans_while_driving_and_keeps_what_was_reached(make_bench, frequen
     assert STOP not in bench.robot.sent[:-1]
 
 
+def test_a_robot_does_not_turn_to_and_fro_between_two_ways_of_one_length(make_bench):
+    bench = make_bench(planner_frequency=5.0)
+    sides = itertools.cycle([0.4, -0.4])
+    bench.script.plan = lambda start, goal: scripted.bowed_path(next(sides))
+    bench.navigator.move_base(GOAL)
+    bench.run(lambda: bench.script.calls["plan"] > 10)
+    assert {path.poses[5, 1] for path, _new in bench.script.paths} == {0.4}
+
+
 def test_it_does_not_replan_right_at_the_goal(make_bench):
     bench = make_bench(planner_frequency=10.0)
     bench.navigator.move_base(GOAL)
@@ -115,7 +126,7 @@ def test_a_failed_replan_is_reported_and_the_last_path_kept(make_bench):
 
 
 def test_a_failed_replan_over_a_blocked_path_stops_and_recovers(make_bench):
-    bench = make_bench(planner_frequency=5.0)
+    bench = make_bench(planner_frequency=5.0, planner_patience=5.0)
     task = bench.navigator.move_base(GOAL)
     bench.step()
     bench.script.plan = NO_WAY
@@ -215,6 +226,25 @@ def test_a_new_goal_in_the_middle_of_a_replan_stops_the_robot_only_where_the_pla
     bench.navigator.move_base(NavigateGoal(FramedPose(Pose2D(2.0, 0.0, 0.0), "map")))
     bench.run(lambda: [new for _path, new in bench.script.paths] == [True, True], period=0.01)
     assert (STOP in bench.robot.sent) == stops
+
+
+@pytest.mark.parametrize("ends", ["replaced", "cancelled"])
+@pytest.mark.parametrize("calls", [0, 1], ids=["the first plan", "a replan"])
+def test_a_planner_whose_path_nobody_wants_any_more_is_called_off(make_bench, ends, calls):
+    """It went on to its end, and the next goal waited for it."""
+    worker = SlowPlanner()
+    bench = make_bench(worker, planner_frequency=5.0, planner_patience=10.0)
+    worker.steps = 1 if calls else 1000
+    task = bench.navigator.move_base(GOAL)
+    bench.run(lambda: worker.calls >= calls, period=0.01)
+    worker.steps = 1000
+    bench.run(lambda: worker.calls > calls, period=0.01)
+    if ends == "replaced":
+        bench.navigator.move_base(NavigateGoal(FramedPose(Pose2D(2.0, 0.0, 0.0), "map")))
+    task.cancel()
+    bench.step(0.01)
+    worker.release()
+    assert bench.script.called_off[calls:] == [True]
 
 
 @pytest.mark.parametrize("plan, outcome", [
