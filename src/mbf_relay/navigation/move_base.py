@@ -190,8 +190,7 @@ class MoveBase:
             self._pathless.start(now)
         self._progress.wait(now)
         at.plan.update(now)
-        if at.plan.goal.target is not self.goal.target:  # transformed to the global frame, for all later plans
-            self.goal = replace(self.goal, target=at.plan.goal.target)
+        self.goal = replace(self.goal, target=at.plan.goal.target)  # in the global frame, for all later plans
         if at.plan.tried_in_vain:
             self._stop(now, at.drive)
         if not at.plan.task.done:
@@ -359,7 +358,7 @@ class MoveBase:
     # ending
 
     def _drop_replan(self, at: Driving) -> None:
-        if at.replan is not None and not at.replan.task.done:
+        if at.replan is not None:
             at.replan.give_up(Ending.CANCELED, PlanOutcome.CANCELED, "the drive is over")
 
     def _stop_driving(self, now: float, at: Driving) -> None:
