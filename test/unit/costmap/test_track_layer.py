@@ -3,14 +3,17 @@
 import dataclasses
 import itertools
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from mbf_relay.costmap.cost_grid import LETHAL
+from mbf_relay.costmap.cost_grid import INSCRIBED, LETHAL, Window
 from mbf_relay.costmap.factory import build_costmap
 from mbf_relay.costmap.observation import Observation, observation_from_points, observation_from_scan, scan_points
+from mbf_relay.costmap.track_layer import TrackLayer, TrackLayerParameters
 from mbf_relay.geometry import Pose2D
+from mbf_relay.grid import Grid
 from mbf_relay.scan import LaserScan
 from mbf_relay.tracking.tracker import Tracker
 
@@ -275,3 +278,34 @@ def test_who_has_gone_leaves_no_space_kept_free_where_the_window_moved_meanwhile
     costmap.observe("scan", scan([], 60.0), 60.0)
     costmap.update(60.0, Pose2D(1.0, 0.0, 0.0))
     assert costmap.snapshot().tracks == () and not costmap.snapshot().costs.any()
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_the_space_kept_free_round_somebody_is_widest_where_he_walks_to_and_hides_no_obstacle(seed):
+    rng = np.random.default_rng(seed)
+    speed, heading, radius, wide, ahead = rng.uniform((0.2, -3.1, 0.1, 0.2, 0.5), (1.5, 3.1, 0.3, 0.5, 2.5))
+    somebody = SimpleNamespace(
+        x=2.6, y=2.3, radius=radius, speed=speed, vx=speed * math.cos(heading), vy=speed * math.sin(heading))
+    layer = TrackLayer("people", TrackLayerParameters(personal_space=wide, personal_space_ahead=ahead))
+    layer.resize(Grid(0.05, 0.0, 0.0, 100, 100))
+    layer._around = (somebody,)
+    before = rng.choice([0, 90, 252, 253, 254, 255], (100, 100), p=[0.5, 0.3, 0.05, 0.05, 0.05, 0.05]).astype(np.uint8)
+    costs, window = before.copy(), Window(20, 15, 70, 90)
+    layer.update_costs(costs, window)
+    beyond = np.ones_like(costs, bool)
+    beyond[window.slices] = False
+    assert (costs == before)[beyond].all(), "it is not redone there"
+    for row, column in np.argwhere(~beyond):
+        x, y = 0.05 * (column + 0.5) - somebody.x, 0.05 * (row + 0.5) - somebody.y
+        away, angle = math.hypot(x, y), math.atan2(y, x) - heading
+        apart = max(0.0, away - radius)
+        spread = wide + ahead * speed / 3.0 if math.cos(angle) > 0.0 else wide
+        space = 150.0 * math.exp(
+            -0.5 * ((apart * math.cos(angle) / spread) ** 2 + (apart * math.sin(angle) / wide) ** 2))
+        was, cost = int(before[row, column]), int(costs[row, column])
+        if was >= INSCRIBED:
+            assert cost == was
+        elif space > 3.0:  # it ends at three standard deviations
+            assert abs(cost - max(was, space)) <= 1.0, (row, column)
+        else:
+            assert was <= cost <= max(was, 3)
