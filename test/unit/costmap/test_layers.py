@@ -380,7 +380,8 @@ def test_the_window_of_a_change_is_the_smallest():
             )
 
 
-@pytest.mark.parametrize("columns, rows", [(0, 0), (3, -2), (-5, 4), (100, 0), (-1, -100)])
+@pytest.mark.parametrize("columns, rows", [
+    (0, 0), (3, -2), (-5, 4), (100, 0), (-1, -100), (15, -2), (-15, 2), (3, 11), (-3, -11)])
 def test_shifting_keeps_what_is_in_both_windows(columns, rows):
     costs = np.arange(80, dtype=np.uint8).reshape(8, 10)
     moved = shifted(costs, columns, rows, 255)
