@@ -13,9 +13,10 @@ POINT, LINE = [1.0, -1.0], [[-2.0, 1.0], [-1.0, 2.0]]
 CORNER = [[0.0, 0.0], [2.0, 0.0], [2.0, 1.0], [1.0, 1.0], [1.0, 2.0], [0.0, 2.0]]  # an L, which is not convex
 
 
-def costmap_with(areas, **layer):
+def costmap_with(areas, rolling=False, **layer):
     costmap = build_costmap("local_costmap", {
-        "global_frame": "odom", "width": 6.0, "height": 6.0, "resolution": 0.05, "origin_x": -3.0, "origin_y": -3.0,
+        "global_frame": "odom", "rolling_window": rolling,
+        "width": 6.0, "height": 6.0, "resolution": 0.05, "origin_x": -3.0, "origin_y": -3.0,
         "robot_radius": 0.1, "plugins": [
             {"name": "zones", "type": "costmap_prohibition_layer_namespace::CostmapProhibitionLayer"}],
         "zones": {"prohibition_areas": areas, **layer},
@@ -46,6 +47,18 @@ def test_points_lines_and_polygons_of_any_form_are_prohibited_and_nothing_else_i
                 assert bool(seen.costs[row, column] == LETHAL) is in_corner, (x, y)
 
 
+def test_slanted_areas_are_prohibited_up_to_their_sides():
+    corners = np.array([[-1.0, -1.0], [2.0, 0.5], [0.0, 2.0]])
+    seen = costmap_with([corners.tolist()]).snapshot()
+    sides = np.roll(corners, -1, axis=0) - corners
+    for row in range(0, 120, 2):
+        for column in range(0, 120, 2):
+            away = np.array([-3.0 + (column + 0.5) * 0.05, -3.0 + (row + 0.5) * 0.05]) - corners
+            inward = (sides[:, 0] * away[:, 1] - sides[:, 1] * away[:, 0]) / np.hypot(*sides.T)
+            if abs(inward.min()) > 0.05:  # m; beside a side it depends on which cells the line passes
+                assert bool(seen.costs[row, column] == LETHAL) is bool(inward.min() > 0.0), (row, column)
+
+
 def test_the_outline_alone_is_prohibited_where_asked():
     costmap = costmap_with([CORNER], fill_polygons=False)
     assert is_lethal(costmap, 1.5, 1.0) and is_lethal(costmap, 0.0, 1.3) and not is_lethal(costmap, 0.5, 0.5)
@@ -53,7 +66,7 @@ def test_the_outline_alone_is_prohibited_where_asked():
 
 def test_areas_stay_in_the_map_while_odometry_drifts():
     costmap = costmap_with([[[0.5, 0.5], [1.0, 0.5], [1.0, 1.0], [0.5, 1.0]]])
-    map_from_odom = Pose2D(0.4, -0.3, 0.5)
+    before, map_from_odom = costmap.snapshot().costs.copy(), Pose2D(0.4, -0.3, 0.5)
     costmap.set_map_from_costmap(map_from_odom, "zones")
     costmap.update(1.1, IDENTITY)
     assert costmap.layers[0].map_frame == "map"
@@ -61,6 +74,18 @@ def test_areas_stay_in_the_map_while_odometry_drifts():
     assert is_lethal(costmap, x, y)
     x, y = map_from_odom.inverse().transform_points(np.array([[0.3, 0.75]]))[0]
     assert not is_lethal(costmap, x, y)
+    costmap.set_map_from_costmap(IDENTITY, "zones")
+    costmap.update(1.2, IDENTITY)
+    assert (costmap.snapshot().costs == before).all(), "and leave nothing behind"
+
+
+def test_a_robot_that_comes_near_does_not_drive_into_what_lay_beyond_its_window():
+    costmap = costmap_with([[[4.0, -1.0], [5.0, -1.0], [5.0, 1.0], [4.0, 1.0]], POINT], rolling=True)
+    for x in (0.5, 1.5, 2.5):
+        costmap.update(1.1 + x, Pose2D(x, 0.0, 0.0))
+    assert is_lethal(costmap, 4.5, 0.0) and is_lethal(costmap, *POINT) and not is_lethal(costmap, 3.5, 0.0)
+    costmap.update(9.0, IDENTITY)
+    assert is_lethal(costmap, *POINT) and not is_lethal(costmap, 2.9, 0.0)
 
 
 def test_what_is_prohibited_is_not_forgotten_where_costmaps_are_cleared():
