@@ -109,17 +109,24 @@ class Base:
 
         Parts that are meshes, as polygons and all bodies from URDFs are, make one convex hull with the wheels.
         """
+        rim = Cylinder(self._robot.wheels.radius - RIM_CLEARANCE, self._robot.wheels.width)
+        if all(isinstance(part.shape, (Box, Cylinder)) for part in self._robot.body):
+            return self._hull_of_shapes(rim)
+        return self._convex_hull(rim)
+
+    def _convex_hull(self, rim: Cylinder) -> int:
         robot = self._robot
-        rim = Cylinder(robot.wheels.radius - RIM_CLEARANCE, robot.wheels.width)
-        if not all(isinstance(part.shape, (Box, Cylinder)) for part in robot.body):
-            hubs = [Frame.of(x, y, robot.axle_height).compose(WHEEL_AXLE) for x, y in robot.wheel_places()]
-            solids = [(part.shape, part.frame) for part in robot.body] + [(rim, hub) for hub in hubs]
-            corners = [frame.transform_points(shape.triangles().reshape(-1, 3)) for shape, frame in solids]
-            mesh: int = pybullet.createCollisionShape(
-                pybullet.GEOM_MESH, vertices=np.unique(np.concatenate(corners), axis=0).tolist(),
-                physicsClientId=self._client,
-            )
-            return mesh
+        hubs = [Frame.of(x, y, robot.axle_height).compose(WHEEL_AXLE) for x, y in robot.wheel_places()]
+        solids = [(part.shape, part.frame) for part in robot.body] + [(rim, hub) for hub in hubs]
+        corners = [frame.transform_points(shape.triangles().reshape(-1, 3)) for shape, frame in solids]
+        hull: int = pybullet.createCollisionShape(
+            pybullet.GEOM_MESH, vertices=np.unique(np.concatenate(corners), axis=0).tolist(),
+            physicsClientId=self._client,
+        )
+        return hull
+
+    def _hull_of_shapes(self, rim: Cylinder) -> int:
+        robot = self._robot
         shapes: List[Dict[str, Any]] = []
         for part in robot.body:
             shape, place = part.shape, (part.frame.position.tolist(), part.frame.quaternion())
