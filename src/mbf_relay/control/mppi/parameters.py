@@ -80,18 +80,8 @@ class MppiParameters(FollowerParameters):
         """Return the controller's values, with names that Nav2 has instead translated, and the critics' groups.
         """
         result = super().known(values)
-        is_omni = result.get("motion_model") == OMNI
-        if is_omni and ("vy_max" in values or not {"max_vel_y", "min_vel_y"} <= set(result)):
-            sideways = values.get("vy_max", result.get("max_vel_y", _opposite(result.get("min_vel_y", -0.5))))
-            result.update(max_vel_y=sideways, min_vel_y=_opposite(sideways))
-        elif not is_omni:
-            result.update(max_vel_y=0.0, min_vel_y=0.0)
-        if "ax_min" in values:
-            braking = _number(values["ax_min"])
-            result.setdefault("acc_lim_x", values["ax_min"] if braking is None else 3.0)
-            starting = _number(result["acc_lim_x"])
-            if braking is not None and starting is not None:
-                result["acc_lim_x"] = min(starting, abs(braking))
+        _translate_sideways(result, values)
+        _translate_braking(result, values)
         numbers = {name: number for name, number in ((name, _number(value)) for name, value in result.items())
                    if number is not None}
         result.setdefault("max_vel_trans", math.hypot(numbers.get("max_vel_x", 0.5), numbers.get("max_vel_y", 0.0)))
@@ -148,6 +138,26 @@ def _number(value: Any) -> Optional[float]:
     if isinstance(value, str):
         return number_spelt(value)
     return value if isinstance(value, (int, float)) and not isinstance(value, bool) else None
+
+
+def _translate_sideways(result: Dict[str, Any], values: Mapping[str, Any]) -> None:
+    """Set max_vel_y and min_vel_y by Nav2's vy_max, which is for both sides; both are 0 unless the robot is OMNI."""
+    if result.get("motion_model") != OMNI:
+        result.update(max_vel_y=0.0, min_vel_y=0.0)
+    elif "vy_max" in values or not {"max_vel_y", "min_vel_y"} <= set(result):
+        sideways = values.get("vy_max", result.get("max_vel_y", _opposite(result.get("min_vel_y", -0.5))))
+        result.update(max_vel_y=sideways, min_vel_y=_opposite(sideways))
+
+
+def _translate_braking(result: Dict[str, Any], values: Mapping[str, Any]) -> None:
+    """Lower acc_lim_x, which is for both, to Nav2's ax_min, the limit for braking."""
+    if "ax_min" not in values:
+        return
+    braking = _number(values["ax_min"])
+    result.setdefault("acc_lim_x", values["ax_min"] if braking is None else 3.0)
+    starting = _number(result["acc_lim_x"])
+    if braking is not None and starting is not None:
+        result["acc_lim_x"] = min(starting, abs(braking))
 
 
 def _opposite(value: Any) -> Any:
