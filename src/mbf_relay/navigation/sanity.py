@@ -126,21 +126,26 @@ def _of_what_is_driven_by(group: Mapping[str, Any]) -> Iterator[Doubt]:
                           "and the costmap's own observation_sources are not read beside it")
     elif all(values.get("enabled") is False for values in eyes.values()):
         yield f"{next(iter(eyes))}/enabled", f"is False, {BLIND}"
+    effect = IDLE if any(sources for _name, sources in seeing) else BLIND
     for name, sources in seeing:
         if not sources:
-            named = {name for name, _type, _values in layer_groups(group)}
-            strays = [name for name, values in group.items() if isinstance(values, Mapping) and name not in named]
             at = f"{name}/observation_sources" if "plugins" in group else "observation_sources"
-            text = f"is not given, {IDLE if any(others for _name, others in seeing) else BLIND}"
-            nearly = nearest_of(name, strays)
-            if nearly is not None:
-                text += f"; there is a group '{nearly}', and no layer of that name"
-            if "observation_sources" in group:
-                text += "; the costmap's own are not read for layers it lists"
-            yield at, text
+            yield at, f"is not given, {effect}{_why_not_given(name, group)}"
     if _is_zero(group.get("update_frequency")):
         yield "update_frequency", (
             f"is {group['update_frequency']}; nothing is driven by a costmap that is never updated")
+
+
+def _why_not_given(layer: str, group: Mapping[str, Any]) -> str:
+    """Return why a layer may have no observation_sources although they were meant; empty where nothing tells."""
+    named = {name for name, _type, _values in layer_groups(group)}
+    strays = [name for name, values in group.items() if isinstance(values, Mapping) and name not in named]
+    nearly, text = nearest_of(layer, strays), ""
+    if nearly is not None:
+        text += f"; there is a group '{nearly}', and no layer of that name"
+    if "observation_sources" in group:
+        text += "; the costmap's own are not read for layers it lists"
+    return text
 
 
 def _of_sources(group: Mapping[str, Any]) -> Iterator[Doubt]:
