@@ -16,7 +16,7 @@ from mbf_relay.control.state import ControlState  # noqa: E402
 from mbf_relay.costmap.factory import build_costmap  # noqa: E402
 from mbf_relay.geometry import STOP, Pose2D  # noqa: E402
 from mbf_relay.planning.passage import checker_on  # noqa: E402
-from mbf_relay.recovery.maneuver import look  # noqa: E402
+from mbf_relay.recovery.maneuver import checked_pose  # noqa: E402
 
 POSES = 10_000
 LONG = np.array([[-0.3, -0.16], [-0.3, 0.16], [0.1, 0.16], [0.1, -0.16]])
@@ -47,7 +47,7 @@ def checkers(costmap):
         if isinstance(controller, PathFollower):
             controller.set_path(path_through((0, 0), (1.0, 0)), True)
             yield name, controller.look_around(ControlState(0.0, Pose2D(0.0, 0.0, 0.0), STOP, costmap)).checker
-    yield "recovery behaviours", look(Still(costmap), "any").checker
+    yield "recovery behaviours", checked_pose(Still(costmap), "any").checker
     yield "planners", checker_on(costmap)
 
 

@@ -71,7 +71,7 @@ class ChangedBlocks:
         if before._side == self._side:
             self._unlike, self._seen = before._unlike, before._seen
 
-    def look(self, pose: np.ndarray, endpoints: np.ndarray, laser: np.ndarray, news: float) -> None:
+    def update(self, pose: np.ndarray, endpoints: np.ndarray, laser: np.ndarray, news: float) -> None:
         """Update the blocks with a scan.
 
         Args:

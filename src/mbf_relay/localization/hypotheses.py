@@ -144,7 +144,7 @@ class Hypotheses:
         poses = np.array([held] + [rival.belief.mean for rival in self.rivals])
         judged = evidence.judge(poses, seen)
         for fit, hits, through in zip([self.fit] + [r.fit for r in self.rivals], judged.hits, judged.through):
-            fit.look(float(hits), float(through), way)
+            fit.update(float(hits), float(through), way)
         logs = judged.log_likelihoods * min(1.0, since / WAY_OF_A_SCAN)
         self.held += float(logs[0])
         for rival, log in zip(self.rivals, logs[1:]):

@@ -43,7 +43,7 @@ class Reliability:
         self.right = CHOSEN if chosen else UNSEEN
         self._first = 0.0 if chosen else FIRST
 
-    def look(self, hits: float, through: float, way: float) -> None:
+    def update(self, hits: float, through: float, way: float) -> None:
         """Update by a scan: shares of hits and of beams through walls, 0 to 1, and distance (m) since the last one."""
         share = 1.0 if self._way == 0.0 else max(0.05, way / (min(self._way, REMEMBERED) + way))
         self.hits += share * (hits - self.hits)

@@ -78,7 +78,7 @@ class Doubt:
         self._usual: Optional[float] = None
         self.way = 0.0
 
-    def look(self, explained: float, way: float, right: float) -> bool:
+    def update(self, explained: float, way: float, right: float) -> bool:
         """Take a scan and return whether the pose is in doubt.
 
         Args:
@@ -220,7 +220,7 @@ class HypothesisTracker:
         held = proposed.best
         self.lever_arm.correct(proposed.prior, held)
         judged = self.hypotheses.correct(held.mean, self._likelihood, self._evidence, seen, way, since, news)
-        if self._doubt.look(proposed.explained, way, self.hypotheses.fit.right):
+        if self._doubt.update(proposed.explained, way, self.hypotheses.fit.right):
             self._look_for_rivals(held, proposed.explained, seen.ends, rng)
         else:
             self._evidence.learn(proposed.explained, way)
@@ -236,7 +236,7 @@ class HypothesisTracker:
             return Corrected(poses, *normalized(log_weights), None, news)
         moments = mean_and_covariance(proposed.poses, proposed.weights)
         if self._reliability(moments) >= BELIEVED:
-            self.blocks.look(held.mean, seen.ends, seen.laser, news)
+            self.blocks.update(held.mean, seen.ends, seen.laser, news)
         starts = held.mean[None] if self._told is None else np.stack((held.mean, self._told))
         self._told = self._likelihood.sharpest(starts, proposed.prior, weighed)
         return Corrected(*proposed[:4], self._told, news, moments)
@@ -274,7 +274,7 @@ class HypothesisTracker:
         through = seen.silence * float(self._evidence.silent_through(np.array([mean]), seen)[0])
         fit = self.hypotheses.fit
         if through > 0.0:
-            fit.look(fit.hits, through, way)
+            fit.update(fit.hits, through, way)
 
     def _start_anywhere(self, seen: Seen) -> Optional[PoseGaussian]:
         """Start with all places where a scan fits as hypotheses; return the best, None where there is none."""

@@ -142,7 +142,7 @@ class Driver:
                 return bytes(memoryview(came)[HEAD.size:])
             if not any(ready) and process.poll() is not None:
                 return None
-            watch.look()
+            watch.check()
 
 
 class _HungError(Exception):
@@ -158,7 +158,7 @@ class _Watch:
         self._begin = self._used = self._computed()
         self._looked = clock()
 
-    def look(self) -> None:
+    def check(self) -> None:
         """Check the process, at most every LOOK; raise _HungError where its CPU time or idle time exceeds the limit."""
         now = self._clock()
         if now - self._looked < LOOK:

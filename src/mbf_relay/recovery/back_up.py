@@ -12,7 +12,7 @@ from mbf_relay.control.trajectories import speed_to_stop_within
 from mbf_relay.geometry import Twist2D
 from mbf_relay.outcomes import RecoveryError, RecoveryOutcome
 from mbf_relay.parameters import ParameterSet, parameter
-from mbf_relay.recovery.maneuver import CheckedPose, look, measured
+from mbf_relay.recovery.maneuver import CheckedPose, checked_pose, measured
 from mbf_relay.recovery.recovery import Recovery, RecoveryContext
 
 LEAST = 2.0  # least distance, in steps of the footprint checker, after which a drive cut short counts as done
@@ -43,9 +43,9 @@ class BackUp(Recovery):
                 FAILURE.
         """
         p = self.parameters
-        start, tried, speed = look(context, self.name).pose, 0.0, 0.0
+        start, tried, speed = checked_pose(context, self.name).pose, 0.0, 0.0
         while True:
-            place = look(context, self.name)
+            place = checked_pose(context, self.name)
             moved = -place.pose.relative_to(start).x
             left = p.distance - moved
             step = place.checker.step

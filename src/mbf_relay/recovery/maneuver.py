@@ -26,7 +26,7 @@ class CheckedPose(NamedTuple):
         return self.checker.free_steps(poses, self.pose)
 
 
-def look(context: RecoveryContext, name: str) -> CheckedPose:
+def checked_pose(context: RecoveryContext, name: str) -> CheckedPose:
     """Return the robot's pose on the current local costmap.
 
     Raises:

@@ -12,7 +12,7 @@ from mbf_relay.control.trajectories import speed_to_stop_within
 from mbf_relay.geometry import Twist2D, angle_between
 from mbf_relay.outcomes import RecoveryError, RecoveryOutcome
 from mbf_relay.parameters import ParameterSet, parameter, without_effect
-from mbf_relay.recovery.maneuver import CheckedPose, look, measured
+from mbf_relay.recovery.maneuver import CheckedPose, checked_pose, measured
 from mbf_relay.recovery.recovery import Recovery, RecoveryContext
 
 FULL = 2.0 * math.pi
@@ -59,9 +59,9 @@ class Rotate(Recovery):
             RecoveryError: IMPASSABLE where an obstacle is in the way, TF_ERROR, FAILURE.
         """
         p = self.parameters
-        turned, rate, heading = 0.0, 0.0, look(context, self.name).pose.theta
+        turned, rate, heading = 0.0, 0.0, checked_pose(context, self.name).pose.theta
         while True:
-            place = look(context, self.name)
+            place = checked_pose(context, self.name)
             turned += angle_between(heading, place.pose.theta)
             heading = place.pose.theta
             left = FULL - turned

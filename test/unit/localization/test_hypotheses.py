@@ -291,14 +291,14 @@ def test_a_robot_among_panes_claims_nothing():
 def test_a_corridor_like_the_right_one_does_not_clear_a_wrong_pose():
     """Beams went through walls; what fits for a few metres afterwards fits there as well. Only a way of it clears."""
     fit = Reliability()
-    fit.look(0.9, 0.0, 0.0)
+    fit.update(0.9, 0.0, 0.0)
     for _ in range(10):
-        fit.look(0.5, 0.1, 0.2)
+        fit.update(0.5, 0.1, 0.2)
     for _ in range(15):
-        fit.look(0.8, 0.0, 0.2)
+        fit.update(0.8, 0.0, 0.2)
     assert fit.right < 0.5
     for _ in range(100):
-        fit.look(0.8, 0.0, 0.2)
+        fit.update(0.8, 0.0, 0.2)
     assert fit.right > 0.8
 
 
@@ -306,9 +306,9 @@ def test_looking_more_often_neither_clears_nor_condemns_a_pose():
     told = []
     for step in (0.05, 0.2, 1.0):
         fit = Reliability()
-        fit.look(0.8, 0.0, 0.0)
+        fit.update(0.8, 0.0, 0.0)
         for _ in range(round(10.0 / step)):
-            fit.look(0.6, 0.01, step)
+            fit.update(0.6, 0.01, step)
         told.append(fit.right)
     assert told == pytest.approx([told[0]] * 3, abs=0.03)
 
@@ -316,8 +316,8 @@ def test_looking_more_often_neither_clears_nor_condemns_a_pose():
 def test_after_a_jump_of_odometry_a_wrong_pose_is_no_more_than_not_known():
     fit = Reliability()
     for _ in range(10):
-        fit.look(0.2, 0.3, 0.5)
-    fit.look(0.2, 0.0, 1e9)
+        fit.update(0.2, 0.3, 0.5)
+    fit.update(0.2, 0.0, 1e9)
     assert fit.right < 0.65
 
 

@@ -222,12 +222,12 @@ def test_no_two_starts_are_one_place_and_none_that_stands_alone_is_left_out():
 
 def test_one_doubts_when_much_less_is_explained_than_usual():
     doubt = Doubt()
-    assert not any(doubt.look(share, 0.5, 0.9) for share in (0.8, 0.75, 0.85, 0.7))
-    assert doubt.look(0.4, 0.5, 0.9) and doubt.look(0.4, 0.5, 0.9)
+    assert not any(doubt.update(share, 0.5, 0.9) for share in (0.8, 0.75, 0.85, 0.7))
+    assert doubt.update(0.4, 0.5, 0.9) and doubt.update(0.4, 0.5, 0.9)
     assert doubt.way == 1.0
-    assert not doubt.look(0.8, 0.5, 0.9)
+    assert not doubt.update(0.8, 0.5, 0.9)
     assert doubt.way == 0.5
-    assert doubt.look(0.8, 0.5, 0.01), "what speaks against the pose is not cleared by one scan that fits"
+    assert doubt.update(0.8, 0.5, 0.01), "what speaks against the pose is not cleared by one scan that fits"
 
 
 @pytest.mark.parametrize("building, seed", [("hall", 0), ("hall", 1), ("corridors", 0), ("office", 1)])

@@ -106,7 +106,7 @@ def hung_after(monkeypatch, step, share, status, limit=900.0):
     while now[0] < 2 * 86400.0:
         now[0] += step
         try:
-            watch.look()
+            watch.check()
         except driver_module._HungError:
             return now[0]
     return None

@@ -159,7 +159,7 @@ class ScanWatch:
             )
         return diagnostics.OK, "scans are used", values
 
-    def look(self, queue: MessageQueue, why: Callable[[AnyScan], str]) -> None:
+    def warn_of_silence(self, queue: MessageQueue, why: Callable[[AnyScan], str]) -> None:
         """Warn if no scan was processed for SILENCE; call it often.
 
         Args:

@@ -82,9 +82,9 @@ class MapToOdom:
         share = 1.0 if rospy.rostime.is_wallclock() else SIMULATED_SHARE
         wait = SHORTEST_LOOK
         while not self._stop.wait(wait):
-            wait = min(max(share * self.look(rospy.get_rostime()), SHORTEST_LOOK), LONGEST_LOOK)
+            wait = min(max(share * self.repeat_if_due(rospy.get_rostime()), SHORTEST_LOOK), LONGEST_LOOK)
 
-    def look(self, now: rospy.Time) -> float:
+    def repeat_if_due(self, now: rospy.Time) -> float:
         """Repeat the transform if there was no scan for PAUSE and its stamp is about to fall behind `now`.
 
         Returns:

@@ -115,7 +115,7 @@ class AmclNode:
             for message in self._queue.take(self.is_ready, timeout=0.1):
                 self.process(message)
                 self._scan_watch.worked()
-            self._scan_watch.look(
+            self._scan_watch.warn_of_silence(
                 self._queue, lambda message: missing_transform(self.transforms, self._parameters, message))
 
     def _serve_reconfigure(self) -> Any:

@@ -22,10 +22,10 @@ def warn_where_unreachable() -> None:
     """
     address = rospy.get_node_uri()
     if address and urlparse(address).hostname not in AT_HOME:
-        threading.Thread(target=look, args=(address,), name="own address", daemon=True).start()
+        threading.Thread(target=check, args=(address,), name="own address", daemon=True).start()
 
 
-def look(address: str) -> None:
+def check(address: str) -> None:
     """Call the node at an XML-RPC address; warn if it does not answer."""
     try:
         impatient_proxy(address, PATIENCE).getPid(rospy.get_name())

@@ -266,7 +266,7 @@ class Simulator:
         if self._commands.heard and not self._drivers_known:  # who drives it has read its parameters by now
             self._drivers_known = True
             self._look_at_footprints()
-        factor, asked = self._meter.look(self.simulation.now), self._settings.real_time_factor
+        factor, asked = self._meter.measure(self.simulation.now), self._settings.real_time_factor
         values = {
             "real time factor": "unknown" if factor is None else f"{factor:.2f}",
             "real time factor asked for": f"{asked:g}" if asked else "as fast as it goes",

@@ -55,7 +55,7 @@ class FactorMeter:
         self._wall, self._simulated = clock(), simulated
         self.factor: Optional[float] = None
 
-    def look(self, simulated: float) -> Optional[float]:
+    def measure(self, simulated: float) -> Optional[float]:
         """Return simulated seconds per wall second since the last look, None where no time went by."""
         wall = self._clock()
         if wall - self._wall > 0.05:

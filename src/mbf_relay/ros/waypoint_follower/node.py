@@ -55,7 +55,7 @@ class WaypointFollowerNode:
         self._server.start()
         check_alone("follow_waypoints")
 
-    def look(self, now: float) -> None:
+    def update(self, now: float) -> None:
         """Take the end of a drive and send the next waypoint; call every LOOK_PERIOD.
 
         Args:
@@ -209,5 +209,5 @@ def main() -> None:
     node = WaypointFollowerNode(ros_parameters.load(WaypointFollowerParameters))
     rospy.loginfo("waypoint_follower is ready")
     while not rospy.is_shutdown():
-        node.look(rospy.get_time())
+        node.update(rospy.get_time())
         time.sleep(LOOK_PERIOD)

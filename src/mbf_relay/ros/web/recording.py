@@ -78,7 +78,7 @@ class Recording:
             self._asked = self._told = False
         return self.path
 
-    def look(self) -> str:
+    def check(self) -> str:
         """Stop rosbag on a full disk; return, once, why a recording ended by itself or is empty; else an empty text."""
         if self._process is None or self._told:
             return ""

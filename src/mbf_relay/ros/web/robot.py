@@ -97,7 +97,7 @@ class ViewedRobot:
             return
         self._tell_at = now + self.view.state.period
         holder = self.hands.holder
-        trouble = self._recording.look()
+        trouble = self._recording.check()
         if trouble:
             self._told(trouble)
         self.view.state.show({

@@ -88,7 +88,7 @@ def what_is_told(monkeypatch, frame, *known):
     monkeypatch.setattr(rospy.rostime, "_rostime_current", rospy.Time(10.0))
     queue = MessageQueue()
     queue.put(LaserScan(header=Header(frame_id=frame, stamp=rospy.Time(10.0))))
-    made.look(queue, lambda message: missing_transform(transforms, AmclParameters(), message))
+    made.warn_of_silence(queue, lambda message: missing_transform(transforms, AmclParameters(), message))
     return told
 
 
@@ -102,10 +102,10 @@ def test_tf_is_not_blamed_for_a_long_search(monkeypatch):
     clock[0] += 3.0 * health.SILENCE  # of a search, in which scans came
     made.worked()
     queue.put(LaserScan(header=Header(frame_id="laser", stamp=rospy.Time(10.0))))
-    made.look(queue, lambda _message: "no transform")
+    made.warn_of_silence(queue, lambda _message: "no transform")
     assert not told
     clock[0] += 2.0 * health.SILENCE
-    made.look(queue, lambda _message: "no transform")
+    made.warn_of_silence(queue, lambda _message: "no transform")
     assert told == ["scans on /scan wait for 30 s: no transform"]
 
 

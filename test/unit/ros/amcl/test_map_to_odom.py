@@ -67,14 +67,14 @@ def test_a_stamp_is_not_sent_again_though_others_came_between(sender):
 
 def test_it_goes_on_where_scans_pause_and_not_before(sender):
     sender, outbox, update = sender
-    sender.look(rospy.Time.from_sec(9.0))
+    sender.repeat_if_due(rospy.Time.from_sec(9.0))
     assert outbox.sent == []  # nothing is known yet
     update(10.0, 10.25)
-    sender.look(rospy.Time.from_sec(10.25 + PAUSE))
+    sender.repeat_if_due(rospy.Time.from_sec(10.25 + PAUSE))
     assert outbox.stamps == [10.5]
-    sender.look(rospy.Time.from_sec(10.75))
+    sender.repeat_if_due(rospy.Time.from_sec(10.75))
     assert outbox.stamps == [10.5, 11.25]
-    sender.look(rospy.Time.from_sec(10.875))
+    sender.repeat_if_due(rospy.Time.from_sec(10.875))
     assert outbox.stamps == [10.5, 11.25]  # far enough ahead still
 
 
@@ -83,7 +83,7 @@ def test_who_looks_when_it_says_that_it_is_due_never_lets_it_fall_behind_and_loo
     update(10.0, 10.25)
     now, looks = 10.25, 0
     while now < 13.0:
-        due = sender.look(rospy.Time.from_sec(now))
+        due = sender.repeat_if_due(rospy.Time.from_sec(now))
         looks, now = looks + 1, now + max(due, 0.02)
         assert now < max(outbox.stamps) + 0.1, outbox.stamps  # what the pause is longer than the first scan reaches
     assert looks <= 25
@@ -92,15 +92,15 @@ def test_who_looks_when_it_says_that_it_is_due_never_lets_it_fall_behind_and_loo
 def test_it_goes_on_when_time_is_set_back(sender):
     sender, outbox, update = sender
     update(100.0, 100.25)
-    sender.look(rospy.Time.from_sec(1.0))
-    sender.look(rospy.Time.from_sec(1.5))
+    sender.repeat_if_due(rospy.Time.from_sec(1.0))
+    sender.repeat_if_due(rospy.Time.from_sec(1.5))
     assert outbox.stamps == [100.5, 2.0]
 
 
 def test_a_correction_that_took_long_to_find_is_not_hidden_behind_what_was_kept_alive_meanwhile(sender, monkeypatch):
     sender, outbox, update = sender
     update(10.0, 10.25)
-    sender.look(rospy.Time.from_sec(11.0))
+    sender.repeat_if_due(rospy.Time.from_sec(11.0))
     assert outbox.sent[-1] == ("map", "odom", POSE, 11.5)
     clock = rospy.Time.from_sec(11.125)
     found = POSE._replace(x=1.25)
@@ -117,7 +117,7 @@ def test_of_another_odometry_frame_nothing_is_said_before_a_scan_tells(sender):
     sender, outbox, update = sender
     update(10.0, 10.25)
     sender.configure("map", "odom_combined", 0.5, True)
-    sender.look(rospy.Time.from_sec(11.0))
+    sender.repeat_if_due(rospy.Time.from_sec(11.0))
     assert len(outbox.sent) == 1
     update(11.0, 11.25)
     assert outbox.sent[-1] == ("map", "odom_combined", POSE, 11.5)
@@ -127,7 +127,7 @@ def test_nothing_is_sent_where_it_is_switched_off(sender):
     sender, outbox, update = sender
     sender.configure("map", "odom", 0.5, False)
     update(10.0, 10.25)
-    sender.look(rospy.Time.from_sec(11.0))
+    sender.repeat_if_due(rospy.Time.from_sec(11.0))
     assert outbox.sent == []
 
 

@@ -43,7 +43,7 @@ def test_a_node_by_a_name_that_is_none_says_so(monkeypatch):
     """The look at it ended in a traceback, and nothing said what to mend."""
     warnings = []
     monkeypatch.setattr(own_address.rospy, "logwarn", lambda text, *values: warnings.append(text % values))
-    own_address.look("http://robot..local:1234/")
+    own_address.check("http://robot..local:1234/")
     assert len(warnings) == 1 and "http://robot..local:1234/" in warnings[0] and "ROS_HOSTNAME" in warnings[0]
 
 

@@ -107,7 +107,7 @@ class PaperActionServer:
         if self._graph.now - self._told_at >= 0.2 - 1e-9:
             self.status_changed()
             self._told_at = self._graph.now
-        self.goals.look()
+        self.goals.update()
 
     def publish_result(self, status, result):
         self._publish("result", MoveBaseActionResult(status=as_it_is(status), result=result))
@@ -248,7 +248,7 @@ class RelayLife(Observer):
         self._up = self._up and lost is None
         self.goals.check(lost)
         self.relay.check()
-        self.front.look()
+        self.front.update()
 
     def _hear(self, message):
         self._up, self._heard_at = True, self._graph.now

@@ -187,7 +187,7 @@ def test_a_client_that_is_gone_is_named_as_why_its_goal_ended(served):
     step(bench, actions)
     action.server.clock += 1.0
     for _ in range(2):
-        action.server.look(connected=lambda node: False, client_timeout=0.1)
+        action.server.update(connected=lambda node: False, client_timeout=0.1)
     step(bench, actions)
     status, result = action.server.told["mine"]
     assert status == GoalStatus.PREEMPTED and "its client client is not connected any more" in result.message

@@ -67,10 +67,10 @@ def test_small_delays_are_made_up_for_and_long_ones_let_go():
 def test_the_achieved_factor_is_measured():
     clock = WallClock()
     meter = FactorMeter(1.0, clock)
-    assert meter.look(1.0) is None
+    assert meter.measure(1.0) is None
     clock.now += 2.0
-    assert meter.look(9.0) == pytest.approx(4.0)
-    assert meter.look(9.0) == pytest.approx(4.0)
+    assert meter.measure(9.0) == pytest.approx(4.0)
+    assert meter.measure(9.0) == pytest.approx(4.0)
 
 
 def test_the_newest_command_is_taken_once():

@@ -83,21 +83,21 @@ def follower(monkeypatch):
 def test_a_robot_stands_where_the_goal_that_took_the_place_of_another_is_called_off_at_once(follower):
     older, newer = PaperGoal("older"), PaperGoal("newer")
     follower.node._server.take(older)
-    follower.node.look(1.0)
+    follower.node.update(1.0)
     follower.node._server.take(newer)
     assert not follower.move_base.sent[0].is_cancelled  # the robot drives on until move_base has the new one
     follower.node._server.cancel(newer)
     assert [sent.is_cancelled for sent in follower.move_base.sent] == [True]
-    follower.node.look(1.05)
+    follower.node.update(1.05)
     assert (older.ends, newer.ends) == (["accepted", "canceled"], ["accepted", "canceled"])
 
 
 def test_a_robot_stands_where_the_cancel_of_what_took_its_goals_place_comes_first(follower):
     older = PaperGoal("older")
     follower.node._server.take(older)
-    follower.node.look(1.0)
+    follower.node.update(1.0)
     follower.node._server.overtaken_cb(PaperGoal("newer"))
-    follower.node.look(1.05)
+    follower.node.update(1.05)
     assert [sent.is_cancelled for sent in follower.move_base.sent] == [True]
     assert older.ends == ["accepted", "canceled"]
 
@@ -109,12 +109,12 @@ def test_who_calls_waypoints_off_is_not_warned_that_one_was_not_reached(follower
     monkeypatch.setattr(waypoint_follower.rospy, "logwarn", lambda _text, _number, reason: warned.append(reason))
     goal = PaperGoal("goal")
     follower.node._server.take(goal)
-    follower.node.look(1.0)
+    follower.node.update(1.0)
     if is_cancelled:
         follower.node._server.cancel(goal)
     status, text = (GoalStatus.PREEMPTED, "") if is_cancelled else (GoalStatus.ABORTED, "no way")
     follower.move_base.sent[0].ending = ActionEnding(status, text, None)
-    follower.node.look(1.05)
+    follower.node.update(1.05)
     assert warned == warnings
     assert goal.ends == ["accepted", "canceled" if is_cancelled else "succeeded"]
 
@@ -124,7 +124,7 @@ def test_a_robot_stands_where_a_goal_overtaken_by_its_cancel_finds_two_goals_one
     older, newer = PaperGoal("older"), PaperGoal("newer")
     follower.node._server.overtaken_cb(PaperGoal("before there is any"))
     follower.node._server.take(older)
-    follower.node.look(1.0)
+    follower.node.update(1.0)
     follower.node._server.take(newer)
     follower.node._server.overtaken_cb(PaperGoal("newest"))
     assert [sent.is_cancelled for sent in follower.move_base.sent] == [True]
@@ -135,18 +135,18 @@ def test_who_calls_off_a_goal_that_has_ended_does_not_stop_the_next_one(follower
     older, newer = PaperGoal("older"), PaperGoal("newer")
     follower.node._server.take(older)
     follower.node._server.cancel(older)
-    follower.node.look(1.0)
+    follower.node.update(1.0)
     follower.node._server.cancel(older)
     follower.node._server.take(newer)
     follower.node._server.cancel(older)
-    follower.node.look(1.05)
+    follower.node.update(1.05)
     assert newer.ends == ["accepted"] and [sent.is_cancelled for sent in follower.move_base.sent] == [False]
 
 
 def test_a_goal_without_places_is_refused_and_the_robot_goes_on_to_those_of_the_last_one(follower):
     running, empty = PaperGoal("running"), PaperGoal("empty", poses=[])
     follower.node._server.take(running)
-    follower.node.look(1.0)
+    follower.node.update(1.0)
     follower.node._server.take(empty)
     assert empty.ends == ["rejected"] and running.ends == ["accepted"]
     assert not follower.move_base.sent[0].is_cancelled
@@ -158,10 +158,10 @@ def test_a_goal_without_places_is_refused_and_the_robot_goes_on_to_those_of_the_
 def test_a_robot_that_somebody_else_sends_elsewhere_is_left_to_him(follower, status, text, told):
     goal = PaperGoal("goal", poses=[PoseStamped()] * 3)
     follower.node._server.take(goal)
-    follower.node.look(1.0)
+    follower.node.update(1.0)
     follower.move_base.sent[0].ending = ActionEnding(status, text, None)
-    follower.node.look(1.05)
-    follower.node.look(1.1)
+    follower.node.update(1.05)
+    follower.node.update(1.1)
     assert goal.ends == ["accepted", "aborted"] and goal.texts == [f"on the way to waypoint 0: {told}"]
     assert goal.missed == [0] and len(follower.move_base.sent) == 1
 
@@ -171,7 +171,7 @@ def test_a_robot_whose_follower_ends_or_dies_stands(follower):
     goal = PaperGoal("goal")
     follower.node._server.take(goal)
     for now in (1.0, 1.05):
-        follower.node.look(now)
+        follower.node.update(now)
     assert follower.move_base.options["leased"]
     (close,) = follower.ends
     close()
@@ -181,10 +181,10 @@ def test_a_robot_whose_follower_ends_or_dies_stands(follower):
 
 def test_a_robot_stands_as_long_as_asked_at_each_waypoint(follower):
     follower.node._server.take(PaperGoal("goal", poses=[PoseStamped()] * 2, waypoint_pause_duration=2.0))
-    follower.node.look(1.0)
+    follower.node.update(1.0)
     follower.move_base.sent[0].ending = ActionEnding(GoalStatus.SUCCEEDED, "", None)
     for now in (1.05, 2.0, 3.0):
-        follower.node.look(now)
+        follower.node.update(now)
         assert len(follower.move_base.sent) == 1
-    follower.node.look(3.1)
+    follower.node.update(3.1)
     assert len(follower.move_base.sent) == 2

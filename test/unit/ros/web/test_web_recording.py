@@ -38,10 +38,10 @@ def test_a_person_who_records_to_a_full_disk_is_told_so_at_once(recording, free)
 
 def test_a_person_whose_disk_gets_full_is_told_that_no_more_is_recorded(recording, free):
     recording.start("/")
-    assert recording.is_on and recording.look() == ""
+    assert recording.is_on and recording.check() == ""
     free.free -= 1
-    assert "MB left" in recording.look()
-    assert recording.look() == ""
+    assert "MB left" in recording.check()
+    assert recording.check() == ""
     recording._process.wait()
     assert not recording.is_on
 
@@ -53,8 +53,8 @@ def test_a_person_whose_disk_was_pulled_out_is_told_so_and_goes_on_seeing_the_ro
         raise FileNotFoundError(2, "No such file or directory", path)
 
     monkeypatch.setattr(shutil, "disk_usage", pulled_out)
-    assert "is gone" in recording.look()
-    assert recording.look() == ""
+    assert "is gone" in recording.check()
+    assert recording.check() == ""
     recording._process.wait()
     assert not recording.is_on
 
@@ -63,15 +63,15 @@ def test_a_person_whose_recording_died_is_told_so_once(recording):
     recording._command = lambda _namespace: ["false"]
     recording.start("/")
     recording._process.wait()
-    assert "failed with status 1" in recording.look()
-    assert recording.look() == ""
+    assert "failed with status 1" in recording.check()
+    assert recording.check() == ""
 
 
 def test_a_recording_that_somebody_ended_is_no_failure(recording):
     with open(recording.start("/"), "wb"):
         recording.stop()
     assert recording._process.wait() != 0  # sleep's, on an interrupt
-    assert not recording.is_on and recording.look() == ""
+    assert not recording.is_on and recording.check() == ""
 
 
 def test_a_person_who_records_again_while_the_last_bag_is_ending_is_not_told_that_it_is_recorded(recording):
@@ -92,8 +92,8 @@ def test_a_person_who_ends_a_recording_before_it_has_begun_is_told_that_there_is
     recording.start("/")
     recording.stop()
     recording._process.wait()
-    assert recording.look().startswith("nothing was recorded")
-    assert recording.look() == ""
+    assert recording.check().startswith("nothing was recorded")
+    assert recording.check() == ""
 
 
 def test_a_person_who_ends_a_recording_has_a_whole_bag_though_the_node_blocks_signals_in_its_threads(recording):

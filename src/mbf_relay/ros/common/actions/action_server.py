@@ -24,7 +24,7 @@ from mbf_relay.ros.common.connected_nodes import connected_nodes
 STATUS_PERIOD = 0.2
 """Wall time (s) between status messages without changes: actionlib's 5 Hz."""
 LOOK_PERIOD = 0.1
-"""Wall time (s) between two calls of `look`, which checks leases and publishes a delayed status."""
+"""Wall time (s) between two calls of `update`, which checks leases and publishes a delayed status."""
 STATUSES_PER_SECOND = 2000.0
 """Largest rate at which states of goals are published: as many as a Python client can handle beside its work."""
 MANY = 10000
@@ -107,7 +107,7 @@ class ActionServer:
         start_together([self])
 
     def open(self) -> None:
-        """Advertise the topics; the caller then has to call `look` regularly."""
+        """Advertise the topics; the caller then has to call `update` regularly."""
         name = rospy.remap_name(self._name)
         queue = rospy.get_param("actionlib_server_pub_queue_size", 50)
         queue = queue if queue > 0 else 50
@@ -167,7 +167,7 @@ class ActionServer:
             self._publish(self._status, message)
 
     def status_changed(self) -> None:
-        """Publish the status at once, or, where it is long and was published just now, a moment later by `look`."""
+        """Publish the status at once, or, where it is long and was published just now, a moment later by `update`."""
         with self.lock:
             if not self._publishes:
                 return
@@ -195,9 +195,9 @@ class ActionServer:
                 return trouble
         return ""
 
-    def look(self) -> None:
+    def update(self) -> None:
         """Check leases, and publish the status where it is due; call every LOOK_PERIOD."""
-        self.goals.look(self._is_connected, self._client_timeout)
+        self.goals.update(self._is_connected, self._client_timeout)
         self._late_comers.forget()
         if self._is_alive() and time.monotonic() - self._told_at >= (self._wait if self._changed else STATUS_PERIOD):
             self.publish_status()
@@ -219,7 +219,7 @@ def _keep_telling(servers: Sequence[ActionServer]) -> None:
     while not (rospy.is_shutdown() or all(server.is_stopped for server in servers)):
         for server in servers:
             if not server.is_stopped:
-                server.look()
+                server.update()
         tell = any(server.tells_of_goals for server in servers)
         if told and not tell:
             give_back_free()  # memory of goals, returned now as no client is waiting

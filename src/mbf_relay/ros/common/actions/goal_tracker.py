@@ -278,7 +278,7 @@ class GoalTracker:
 
     # the passing of time
 
-    def look(self, connected: Optional[Callable[[str], bool]] = None, client_timeout: float = 0.0) -> None:
+    def update(self, connected: Optional[Callable[[str], bool]] = None, client_timeout: float = 0.0) -> None:
         """Forget goals that ended long ago, and cancel goals whose client is gone; call a few times a second.
 
         A goal is cancelled where it is overdue at two calls in a row: between them, renewals are read that arrived

@@ -69,7 +69,7 @@ def test_a_client_hears_of_its_goal_once_it_knows_that_it_has_sent_it():
     driven.set_accepted()
     driven.publish_feedback("here")
     refused.set_rejected()
-    server.tracker.look()
+    server.tracker.update()
     assert (server.results, server.feedback, server.tracker.listed(), told) == ([], [], [], [])
     server.wait(0.1)
     assert [status.goal_id.id for status in server.results] == ["refused"] and told
@@ -101,7 +101,7 @@ def test_goals_of_a_busy_server_stay_in_the_status_until_slow_clients_have_their
         goal.set_accepted()
         goal.set_succeeded()
         if number == 500:
-            server.tracker.look()
+            server.tracker.update()
             assert server.state("goal 0") is not None
     assert [status.goal_id.id for status in server.tracker.listed()] == [
         f"goal {number}" for number in range(100, LIST_AT_MOST + 100)]
@@ -143,7 +143,7 @@ def test_a_server_that_was_stopped_itself_does_not_hold_it_against_its_clients()
     server = Server()
     server.goal("goal" + goal_lease.MARK).set_accepted()
     server.now += 30.0
-    server.tracker.look()
+    server.tracker.update()
     assert server.cancelled == []
 
 
@@ -154,12 +154,12 @@ def test_a_robot_does_not_stop_because_its_server_found_no_time_to_read_the_rene
     for _ in range(5):
         for _ in range(2):
             server.now += 0.4
-            server.tracker.look()
+            server.tracker.update()
         server.tracker.renew(name)
     assert server.cancelled == []
     for _ in range(3):
         server.now += 0.4
-        server.tracker.look()
+        server.tracker.update()
     assert len(server.cancelled) == 1
 
 
@@ -247,7 +247,7 @@ def test_a_robot_that_a_crowd_of_clients_has_left_holds_little_of_their_goals():
             goal.set_accepted()
             goal.set_succeeded()
             if number % 100 == 0:  # a look goes through all that are listed
-                server.tracker.look()
+                server.tracker.update()
         del goal
         server.wait(LIST_FOR + 1.0)
         for heard in (server.taken, server.results):

@@ -46,7 +46,7 @@ def test_memory_is_given_back_when_the_last_goal_is_told_of_no_more_and_not_whil
     class Server:
         is_stopped = tells_of_goals = False
 
-        def look(self):
+        def update(self):
             told.append(self.tells_of_goals)
             if not rounds:
                 self.is_stopped = True

@@ -45,7 +45,7 @@ class Server:
             self.now += 0.1
             for name in renew:
                 self.tracker.renew(name)
-            self.tracker.look(connected, client_timeout)
+            self.tracker.update(connected, client_timeout)
 
     def state(self, name):
         return next((status.status for status in self.tracker.listed() if status.goal_id.id == name), None)
