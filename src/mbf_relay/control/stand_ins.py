@@ -71,9 +71,10 @@ class TebParameters(_StandInParameters):
     odom_topic: str = parameter("", "topic of odometry, if the server's own odom_topic is not given; read at start")
 
     def check(self) -> None:
-        """Raise ValueError for steering angles without a wheelbase."""
+        """Raise ValueError for steering angles without a wheelbase, and for what cannot be driven."""
         if self.cmd_angle_instead_rotvel and self.wheelbase == 0.0:
             raise ValueError("wheelbase is 0.0 m; cmd_angle_instead_rotvel needs the car's, for steering angles")
+        _driver_of(self)  # now: what is accepted at run time is translated later, when a goal would fail of it
 
 
 class TebStandIn(TranslatedController):
@@ -101,24 +102,28 @@ class TebStandIn(TranslatedController):
 
     def translate(self, parameters: Any, resolution: float) -> Tuple[Type[PathFollower], Any]:
         """Return the class of controller for this kind of robot, and its parameters."""
-        p = self.of_teb(parameters)
-        if p.min_turning_radius > 0.0:
-            return MppiController, _of_a_car(p)
-        sideways = p.max_vel_y if p.acc_lim_y > 0.0 else 0.0
-        fastest = p.max_vel_trans if sideways and p.max_vel_trans else max(p.max_vel_x, sideways)
-        return DwaController, _usual(
-            max_vel_trans=fastest,
-            max_vel_x=p.max_vel_x,
-            min_vel_x=-p.max_vel_x_backwards,
-            max_vel_y=sideways,
-            min_vel_y=-sideways,
-            max_vel_theta=p.max_vel_theta,
-            acc_lim_x=p.acc_lim_x,
-            acc_lim_y=p.acc_lim_y,
-            acc_lim_theta=p.acc_lim_theta,
-            xy_goal_tolerance=p.xy_goal_tolerance,
-            yaw_goal_tolerance=p.yaw_goal_tolerance,
-        )
+        return _driver_of(self.of_teb(parameters))
+
+
+def _driver_of(p: TebParameters) -> Tuple[Type[PathFollower], Any]:
+    """Return the class of controller for this kind of robot, and its parameters; ValueError where it refuses them."""
+    if p.min_turning_radius > 0.0:
+        return MppiController, _of_a_car(p)
+    sideways = p.max_vel_y if p.acc_lim_y > 0.0 else 0.0
+    fastest = p.max_vel_trans if sideways and p.max_vel_trans else max(p.max_vel_x, sideways)
+    return DwaController, _usual(
+        max_vel_trans=fastest,
+        max_vel_x=p.max_vel_x,
+        min_vel_x=-p.max_vel_x_backwards,
+        max_vel_y=sideways,
+        min_vel_y=-sideways,
+        max_vel_theta=p.max_vel_theta,
+        acc_lim_x=p.acc_lim_x,
+        acc_lim_y=p.acc_lim_y,
+        acc_lim_theta=p.acc_lim_theta,
+        xy_goal_tolerance=p.xy_goal_tolerance,
+        yaw_goal_tolerance=p.yaw_goal_tolerance,
+    )
 
 
 @dataclass(frozen=True)

@@ -175,3 +175,12 @@ def test_a_program_that_slows_a_robot_down_by_teb_s_parameters_is_heard():
     controller.reconfigure(controller.parameters.reconfigured({"max_vel_x": 0.2, "max_vel_theta": 0.6})[0])
     assert controller.dynamic_config and controller.top_speeds == (0.2, 0.6)
     assert not create("MpcLocalPlannerROS", MPC, {}, Controller, CONTROLLERS).dynamic_config, "it has other parameters"
+
+
+@pytest.mark.parametrize("robot", [{}, dict(min_turning_radius=0.5)], ids=["turns on the spot", "car"])
+@pytest.mark.parametrize("changes", [dict(acc_lim_x=1e-4), dict(acc_lim_theta=1e-4)], ids=["along x", "turning"])
+def test_a_change_of_teb_s_limits_that_nothing_can_drive_is_refused_at_once(robot, changes):
+    """It was accepted and taken up in the next control cycle, which failed, and no other instance could be made."""
+    parameters = create("TebLocalPlannerROS", TEB, robot, Controller, CONTROLLERS).parameters
+    with pytest.raises(ValueError, match=f"{next(iter(changes))} is 0.0001, so the robot could never"):
+        parameters.reconfigured(changes)
