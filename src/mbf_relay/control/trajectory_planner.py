@@ -48,10 +48,8 @@ def as_dwa(p: TrajectoryPlannerParameters, resolution: float) -> DwaParameters:
             metres, and occdist_scale is multiplied by the cell size, as upstream.
     """
     a_metre, a_cost = (1.0, resolution) if p.meter_scoring else (1.0 / resolution, 1.0)
-    sideways = p.sideways()
-    turns = [abs(turn) for turn in (p.max_vel_theta, p.min_vel_theta) if turn != 0.0]
+    sideways, turn = p.sideways(), p.turning()
     fastest = math.hypot(p.max_vel_x, sideways)
-    turn = min(turns, default=0.0)
     critics = ("heading",) if p.heading_scoring else ()
     return DwaParameters(
         max_vel_trans=fastest, min_vel_trans=min(p.min_vel_x, fastest), max_vel_x=p.max_vel_x,

@@ -152,8 +152,14 @@ class TrajectoryPlannerParameters(ParameterSet):
         except ValueError:
             raise ValueError(f"parameter y_vels is {self.y_vels!r}; it must be numbers separated by commas") from None
 
+    def turning(self) -> float:
+        """Return the top speed (rad/s) of a turn to either side; a limit of 0 is none."""
+        return min((abs(turn) for turn in (self.max_vel_theta, self.min_vel_theta) if turn != 0.0), default=0.0)
+
     def check(self) -> None:
         """Refuse y_vels that are no numbers, and a motion that has a speed and no acceleration."""
-        self.sideways()
-        for acceleration, fastest in (("acc_lim_x", self.max_vel_x), ("acc_lim_theta", self.max_vel_theta)):
+        for acceleration, fastest in (
+            ("acc_lim_x", max(self.max_vel_x, -self.escape_vel)), ("acc_lim_y", self.sideways()),
+            ("acc_lim_theta", self.turning()),
+        ):
             check_acceleration(acceleration, getattr(self, acceleration), fastest)

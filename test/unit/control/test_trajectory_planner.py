@@ -191,3 +191,13 @@ def test_a_robot_that_is_to_look_six_seconds_ahead_fifty_ways_drives():
         controller, path_through((0.0, 0.0), (1.0, 0.0)), Pose2D(0.0, 0.0, 0.0), seconds=20.0, patience=3.0,
         costmap=functools.partial(costmap_round, size=6.0, resolution=0.05, footprint=square))
     assert driven.reached, driven.error
+
+
+@pytest.mark.parametrize("changes, named", [
+    (dict(max_vel_x=0.0, min_vel_x=0.0, acc_lim_x=0.0), "acc_lim_x"),
+    (dict(max_vel_theta=0.0, acc_lim_theta=0.0), "acc_lim_theta"),
+    (dict(holonomic_robot=True, acc_lim_y=1e-5), "acc_lim_y")], ids=["back", "to the right", "sideways"])
+def test_a_change_that_leaves_a_speed_without_acceleration_is_refused_at_once(changes, named):
+    """It was accepted and taken up in the next control cycle, which failed, and no other instance could be made."""
+    with pytest.raises(ValueError, match=f"{named} is .*, so the robot could never"):
+        made().parameters.reconfigured(changes)
