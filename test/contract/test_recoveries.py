@@ -255,6 +255,13 @@ def test_clear_clears_only_the_map_asked_for(values, cleared):
     assert world.costmaps[cleared[0]].updates == 1 and world.costmaps[cleared[0]].cleared[0][3] is True
 
 
+def test_who_updates_the_maps_at_once_does_not_stand_for_their_next_update():
+    world = PaperWorld()
+    world.updated = world.now  # what updating at once leaves; no update follows, as from a costmap of a low frequency
+    world.run(make(CLEAR, force_updating=True))
+    assert len(world.commands) == 1 and all(costmap.updates == 1 for costmap in world.costmaps.values())
+
+
 def test_clear_clears_both_maps_where_there_is_no_map_of_that_name_as_upstream_s_does():
     behavior = make(CLEAR, affected_maps="all")
     world = PaperWorld().run(behavior)

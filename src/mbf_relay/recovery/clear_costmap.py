@@ -45,7 +45,7 @@ class ClearCostmap(Recovery):
     parameters: ClearCostmapParameters
 
     def run(self, context: RecoveryContext) -> Iterator[Twist2D]:
-        """Clear, then yield stops until the costmaps were updated.
+        """Clear, then yield stops until the costmaps were updated; a single one where they are updated here.
 
         Raises:
             RecoveryError: FAILURE where no costmap has such a layer, TF_ERROR where the robot's pose is not known.
@@ -58,7 +58,7 @@ class ClearCostmap(Recovery):
             clear_round_robot(context, costmap, p.layer_names, p.reset_distance, p.invert_area_to_clear)
             if p.force_updating:
                 costmap.update(context.now, context.pose_in(costmap.frame))
-        yield from stand_until_updated(context, list(costmaps.values()), context.now)
+        yield from stand_until_updated(context, [] if p.force_updating else list(costmaps.values()), context.now)
 
     def _check_layers(self, costmaps: Dict[str, Any]) -> None:
         names = {layer.name for costmap in costmaps.values() for layer in costmap.layers}
