@@ -9,7 +9,7 @@ from geometry_msgs.msg import Polygon
 
 from mbf_relay.costmap import factory
 from mbf_relay.costmap.freshness import next_update
-from mbf_relay.costmap.layer import tracks_of
+from mbf_relay.costmap.layer import missing_inputs, tracks_of
 from mbf_relay.costmap.outline import check_padded
 from mbf_relay.geometry import Pose2D
 from mbf_relay.outcomes import TransformError
@@ -100,7 +100,7 @@ class CostmapNode:
 
     def missing_input(self) -> str:
         """Return what is still missing for the first complete update, empty where there was one."""
-        missing = [layer.missing_input() for layer in self.costmap.layers]
+        missing: List[Optional[str]] = [missing_inputs(self.costmap.layers)]
         if self.costmap.updates == 0:
             missing.append(self.costmap.stale_reason(rospy.get_time()))
         return "; ".join(reason for reason in missing if reason)
