@@ -2,10 +2,15 @@
 
 from unittest import mock
 
+import numpy as np
 import pytest
 from scan_source import StillFrames
 
-from mbf_relay.geometry import IDENTITY
+from mbf_relay.costmap.cost_grid import LETHAL
+from mbf_relay.geometry import IDENTITY, Pose2D
+from mbf_relay.maps import OccupancyMap
+from mbf_relay.outcomes import TransformError
+from mbf_relay.ros.common.throttled_warnings import ThrottledWarnings
 from mbf_relay.ros.costmap import inputs, node, publisher
 
 
@@ -30,3 +35,65 @@ def test_a_robot_does_not_wait_for_the_map_of_a_layer_that_is_switched_off(kind)
         each.costmap.update(1.0, IDENTITY)
     assert "has come on topic" in made[True].missing_input()
     assert made[False].missing_input() == ""
+
+
+class LostFrames(StillFrames):
+    """Frames of a robot that knows its place, and not that of the frame "site" before `site` is set."""
+
+    site = None
+
+    def lookup(self, target, source, **_):
+        if "site" not in (target, source):
+            return IDENTITY
+        if self.site is None:
+            raise TransformError(f"no transform from '{source}' to '{target}'")
+        return self.site
+
+
+@pytest.fixture
+def zoned(monkeypatch):
+    """A costmap of 10 m with a mask of 1 m in the frame "site", closed all over, and what its node warned of."""
+    mask = OccupancyMap(np.full((10, 10), 100, np.int8), 0.1, IDENTITY)
+    monkeypatch.setattr("mbf_relay.costmap.costmap_filter.load_map", lambda _path: mask)
+    made = make(LostFrames, type="nav2_costmap_2d::KeepoutFilter", filter_mask_file="zones.yaml",
+                filter_mask_frame="site")
+    monkeypatch.setattr(made, "_publisher", mock.MagicMock())
+    monkeypatch.setattr(made, "_tracks", mock.MagicMock())
+    now, said = [100.0], []
+    for name in ("_pose_warnings", "_stale_warnings", "_map_warnings"):
+        monkeypatch.setattr(
+            made, name, ThrottledWarnings(lambda: now[0], lambda _, text: said.append(text)), raising=False)
+
+    def update(until):
+        while now[0] < until:
+            now[0] += 0.2
+            made._update(now[0])
+
+    return made, update, said
+
+
+def closed(made):
+    """Return the centre (m) of what the mask closes, shape (2,); NaN where it closes nothing."""
+    picture = made.costmap.snapshot()
+    cells = np.argwhere(picture.costs == LETHAL)[:, ::-1]
+    return picture.grid.centers_of(cells).mean(axis=0) if len(cells) else np.full(2, np.nan)
+
+
+def test_a_robot_does_not_drive_by_zones_whose_place_is_not_known(zoned):
+    """They were taken to lie where the mask's numbers do in the costmap's own frame."""
+    made, update, _said = zoned
+    update(105.0)
+    assert np.isnan(closed(made)).all() and "layer 'floor'" in made.costmap.stale_reason(105.0)
+    made._transforms.site = Pose2D(-2.0, -1.0, 0.0)
+    update(106.0)
+    assert closed(made) == pytest.approx([2.5, 1.5], abs=0.05) and made.costmap.stale_reason(106.0) is None
+    made._transforms.site = None
+    update(110.0)
+    assert closed(made) == pytest.approx([2.5, 1.5], abs=0.05) and made.costmap.stale_reason(110.0) is None
+
+
+def test_a_frame_of_zones_that_does_not_exist_is_told(zoned):
+    """Not a word came: the robot's pose, known each time, ended the trouble before it had lasted."""
+    _made, update, said = zoned
+    update(130.0)
+    assert said and all("layer 'floor'" in text and "'site'" in text for text in said)

@@ -11,7 +11,7 @@ from mbf_relay.costmap import factory
 from mbf_relay.costmap.freshness import next_update
 from mbf_relay.costmap.layer import missing_inputs, tracks_of
 from mbf_relay.costmap.outline import check_padded
-from mbf_relay.geometry import Pose2D
+from mbf_relay.geometry import IDENTITY, Pose2D
 from mbf_relay.outcomes import TransformError
 from mbf_relay.ros.common import parameters as ros_parameters
 from mbf_relay.ros.common.diagnostics import ERROR, OK, WARN, RateMeter, Report
@@ -62,7 +62,8 @@ class CostmapNode:
         self._resting = False
         self._next_publication = 0.0
         self._last: Optional[float] = None
-        self._pose_warnings, self._stale_warnings = ThrottledWarnings(), ThrottledWarnings()
+        self._pose_warnings, self._stale_warnings, self._map_warnings = (ThrottledWarnings() for _ in range(3))
+        self._placed: Dict[str, str] = {}  # frame of each layer's map for which a transform was known
         self.timings = timings or LidarTimings(transforms, lambda: (self.costmap.robot_frame, self.costmap.frame))
         parameters = self.costmap.parameters
         self._publisher = CostmapPublisher(
@@ -177,16 +178,10 @@ class CostmapNode:
 
     def _update(self, now: float) -> None:
         pose = self._robot_pose()
-        if pose is None:
+        if pose is None or not self._place_maps():
             return
         for sensor in self._sensors.values():
             sensor.feed(now)
-        for source in self._maps:
-            if source.frame is not None:
-                self._place_map(source.layer, source.frame)
-        for layer in self.costmap.layers:
-            if layer.map_frame:
-                self._place_map(layer.name, layer.map_frame)
         self.costmap.update(now, pose)
         stale = self.costmap.stale_reason(now)  # checked here, since a dead sensor sends no message to be refused
         if stale is None:
@@ -215,13 +210,31 @@ class CostmapNode:
             self._pose_warnings.say(f"{self._name} waits for the robot's pose: {error}")
             return None
 
-    def _place_map(self, layer: str, frame: str) -> None:
-        """Give a layer the present transform from the costmap's frame to its map's, if they differ."""
-        if frame != self.costmap.frame:
+    def _place_maps(self) -> bool:
+        """Give the layers the present transforms from the costmap's frame to their maps'.
+
+        Returns:
+            Whether every enabled layer's map has a place; it keeps its last where the transform is lost.
+        """
+        frames = {source.layer: source.frame for source in self._maps if source.frame is not None}
+        frames.update((layer.name, layer.map_frame) for layer in self.costmap.layers if layer.map_frame)
+        trouble, here = "", self.costmap.frame
+        for layer, frame in frames.items():
             try:
-                self.costmap.set_map_from_costmap(self._transforms.lookup(frame, self.costmap.frame), layer)
+                place = self._transforms.lookup(frame, here) if frame != here else IDENTITY
+                self.costmap.set_map_from_costmap(place, layer)
+                self._placed[layer] = frame
             except TransformError as error:
-                self._pose_warnings.say(f"{self._name} cannot place the map: {error}")
+                trouble = f"{self._name} cannot place the map of layer '{layer}': {error}"
+        if not trouble:
+            self._map_warnings.worked()
+            return True
+        self._map_warnings.say(trouble)
+        active = [layer.name for layer in self.costmap.layers if layer.enabled]
+        if all(self._placed.get(name) == frames.get(name) for name in active):
+            return True
+        self.costmap.note_failure(trouble)
+        return False
 
 
 def make_costmap_nodes(config: Mapping[str, Any], transforms: Transforms) -> Dict[str, CostmapNode]:
