@@ -1,4 +1,4 @@
-"""Tests of the ROS edge that need messages but no master; skipped where there is no ROS."""
+"""Tests of the ROS edge that need messages but no master; left out where there is no ROS."""
 
 import os
 import sys
@@ -8,5 +8,6 @@ sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 collect_ignore_glob = []
 try:
     import mbf_msgs.msg  # noqa: F401
+    import rospy  # noqa: F401
 except ImportError:
-    collect_ignore_glob = ["relay/test_relay*.py", "common/test_action_*.py"]
+    collect_ignore_glob = ["*"]
