@@ -47,7 +47,7 @@ class ProhibitionLayer(PlacedLayer):
 
     @property
     def map_frame(self) -> str:
-        return self.parameters.prohibition_frame
+        return self.parameters.prohibition_frame if self._areas else ""
 
     def update_bounds(self, context: LayerContext, window: Window) -> Window:
         pending = self.take_pending()

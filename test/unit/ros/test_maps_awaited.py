@@ -97,3 +97,11 @@ def test_a_frame_of_zones_that_does_not_exist_is_told(zoned):
     _made, update, said = zoned
     update(130.0)
     assert said and all("layer 'floor'" in text and "'site'" in text for text in said)
+
+
+@pytest.mark.parametrize("areas, is_placed", [([], True), ([[1.0, 1.0]], False)])
+def test_a_robot_without_a_map_does_not_wait_for_the_place_of_zones_that_there_are_none_of(areas, is_placed):
+    """With a prohibition layer whose areas were never loaded, one that knows odometry alone stood for good."""
+    made = make(LostFrames, type="costmap_prohibition_layer_namespace::CostmapProhibitionLayer",
+                prohibition_frame="site", prohibition_areas=areas)
+    assert made._place_maps() == is_placed
