@@ -147,10 +147,9 @@ def choose_start(
 def write_results(
     folder: str, log: RecordedLog, occupancy: OccupancyMap, result: Replay, figures: Dict[str, Any]
 ) -> None:
-    """Write trajectory.csv, result.json and result.png into a folder; OSError where that fails."""
+    """Write trajectory.csv, result.json and result.png into a folder that exists; OSError where that fails."""
     from mbf_relay.localization.replay_plot import draw_replay
 
-    os.makedirs(folder, exist_ok=True)
     rows = io.StringIO(newline="")
     writer = csv.writer(rows)
     writer.writerow(["t", "x", "y", "yaw", "updated", "seconds"])
@@ -202,12 +201,13 @@ def replay_one(options: argparse.Namespace, log_path: str, map_path: str) -> Lis
     log, occupancy = read_log(log_path), load_map(map_path)
     parameters, values = read_parameters(options.params)
     start, covariance = choose_start(options, values, log)
+    folder = options.out or os.path.splitext(os.path.basename(log_path))[0] + "_localized"
+    os.makedirs(folder, exist_ok=True)  # refused now, not after a long replay
     result = replay(
         log, occupancy, parameters, np.random.default_rng(options.seed), start, covariance, clock=time.perf_counter
     )
     require_use(result, log_path)
     figures = {**summarize(result, log), "seed": options.seed, "log": log_path, "map": map_path}
-    folder = options.out or os.path.splitext(os.path.basename(log_path))[0] + "_localized"
     write_results(folder, log, occupancy, result, figures)
     return describe(figures) + [f"written to {folder}"]
 
@@ -217,6 +217,8 @@ def try_all(options: argparse.Namespace, pairs: Sequence[Tuple[str, str]], stres
     parameters, values = read_parameters(options.params)
     seeds, done = range(options.seed, options.seed + options.seeds), []
     names = [log_path for log_path, _ in pairs]
+    if options.out:
+        os.makedirs(options.out, exist_ok=True)  # refused now, not after long trials
     for log_path, map_path in pairs:
         log, occupancy = read_log(log_path), load_map(map_path)
         start, covariance = choose_start(options, values, log)
@@ -225,6 +227,5 @@ def try_all(options: argparse.Namespace, pairs: Sequence[Tuple[str, str]], stres
         done += list(run(task, parameters, stresses, seeds))
     rows = summarize_trials(done)
     if options.out:
-        os.makedirs(options.out, exist_ok=True)
         write_whole(os.path.join(options.out, "trials.json"), json.dumps(as_json(rows), indent=2) + "\n")
     return table(rows).split("\n")

@@ -128,6 +128,20 @@ def test_many_logs_seeds_and_stresses_give_a_table_with_intervals(tmp_path, caps
     assert recorded > 0.9 > stressed
 
 
+@pytest.mark.parametrize("more", [[], ["--seeds", "2"]])
+def test_a_folder_that_cannot_be_written_is_refused_before_the_replay(tmp_path, capsys, monkeypatch, more):
+    """Hours of trials were lost to a file of that name."""
+    made = make_drive("hall", 5, Rough(), np.random.default_rng(5))
+    save_log(str(tmp_path / "log.npz"), made.log)
+    save_map(str(tmp_path / "map"), made.occupancy)
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "taken").write_text("")
+    for place in ("command", "trials"):
+        monkeypatch.setattr(f"mbf_relay.localization.{place}.replay", lambda *_, **__: pytest.fail("replayed first"))
+    assert main(["log.npz", "map.yaml", "--out", "taken", *more]) == 1
+    assert "'taken'" in capsys.readouterr().err
+
+
 def test_a_log_without_a_scan_is_told_so(tmp_path):
     """It had shape (0, 5) and was to have (0, beams)."""
     np.savez(tmp_path / "none.npz", **{name: value[:0] if np.shape(value)[:1] == (4,) else value
