@@ -13,7 +13,7 @@ from mbf_relay.localization.parameters import LocalizerParameters
 from mbf_relay.localization.replay import LOST_FROM, errors, replay, require_use
 from mbf_relay.localization.stress import Stress, stressed
 from mbf_relay.maps import OccupancyMap
-from mbf_relay.statistics import IntervalEstimate, mean
+from mbf_relay.statistics import IntervalEstimate, grouped_share, mean
 
 RIGHT_WITHIN = 0.5
 """Error (m) up to which a pose counts as right."""
@@ -87,9 +87,19 @@ def summarize_trials(trials: Sequence[Trial]) -> List[Dict[str, Any]]:
         groups = [(name, [trial for trial in of_stress if trial.name == name]) for name in names]
         for name, chosen in groups + ([("all", of_stress)] if len(names) > 1 else []):
             row: Dict[str, Any] = {"log": name, "stress": stress, "trials": len(chosen)}
-            row.update({figure: mean(_by_log(chosen, figure)) for figure in FIGURES})
+            row.update({figure: _estimate(_by_log(chosen, figure), figure) for figure in FIGURES})
             rows.append(row)
     return rows
+
+
+def _estimate(values: Dict[str, List[float]], figure: str) -> IntervalEstimate:
+    """Return a figure over the trials of logs; no interval of a share leaves 0 to 1."""
+    if figure == "lost":
+        return grouped_share(values)
+    estimate = mean(values)
+    if figure != "right" or not estimate.has_interval:
+        return estimate
+    return estimate._replace(low=max(0.0, estimate.low), high=min(1.0, estimate.high))
 
 
 def _by_log(trials: Sequence[Trial], figure: str) -> Dict[str, List[float]]:
@@ -102,7 +112,7 @@ def _by_log(trials: Sequence[Trial], figure: str) -> Dict[str, List[float]]:
 
 
 def table(rows: Sequence[Dict[str, Any]]) -> str:
-    """Return rows for people: means, each with its 95 % interval."""
+    """Return rows for people: means and shares, each with its 95 % interval."""
     head = ["log", "stress", "trials", f"within {RIGHT_WITHIN} m", "median [m]", "p95 [m]", "lost"]
     lines = [head] + [
         [row["log"], row["stress"], str(row["trials"]), *(_cell(row[figure]) for figure in FIGURES)] for row in rows

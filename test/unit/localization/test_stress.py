@@ -71,3 +71,15 @@ def test_a_stress_is_told_by_what_it_changes():
 def test_logs_without_a_reference_have_no_figures_but_a_row():
     rows = summarize_trials([Trial("drive.npz", "as recorded", 1, None)])
     assert table(rows).splitlines()[1].split() == ["drive.npz", "as", "recorded", "1", "-", "-", "-", "-"]
+
+
+def test_no_share_s_interval_leaves_0_to_1_and_none_lost_of_three_is_no_proof():
+    """Lost was told to be within [-0.242, 0.742], and of three that were found within [0.000, 0.000]."""
+    figures = [{"right": right, "median": 0.1, "p95": 0.2, "lost": lost}
+               for right, lost in ((1.0, 0.0), (0.99, 0.0), (0.6, 0.0), (0.3, 1.0))]
+    some, found = (
+        summarize_trials([Trial("drive.npz", "as recorded", seed, each) for seed, each in enumerate(chosen)])[0]
+        for chosen in (figures, figures[:3]))
+    for row in (some, found):
+        assert all(0.0 <= row[name].low <= row[name].value <= row[name].high <= 1.0 for name in ("right", "lost"))
+    assert found["lost"].value == 0.0 and found["lost"].high > 0.4
