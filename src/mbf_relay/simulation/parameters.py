@@ -111,9 +111,9 @@ def steps_between(name: str, rate: float, physics_rate: int) -> int:
         return 0
     steps = round(physics_rate / rate)
     if steps < 1 or abs(steps * rate - physics_rate) > 1e-6 * physics_rate:
-        lower, upper = (physics_rate / max(1, physics_rate // rate + i) for i in (1, 0))
+        nearest = [f"{physics_rate / steps:g}" for steps in (physics_rate // rate + 1, physics_rate // rate) if steps]
         raise ValueError(
-            f"parameter {name} is {rate} Hz; it must divide physics_rate ({physics_rate} Hz), as {lower:g} or "
-            f"{upper:g} Hz do"
+            f"parameter {name} is {rate} Hz; it must divide physics_rate ({physics_rate} Hz), as "
+            f"{' or '.join(nearest)} Hz {'do' if len(nearest) > 1 else 'does'}"
         )
     return int(steps)

@@ -135,7 +135,8 @@ def test_a_robot_drives_on_where_the_clock_is_set_elsewhere():
 @pytest.mark.parametrize("changes, text", [
     (dict(odom_rate=50.0), "odom_rate is 50.0 Hz; it must divide physics_rate"),
     (dict(scan_rate=7.0), "scan_rate is 7.0 Hz"),
-    (dict(imu_rate=480.0), "imu_rate is 480.0 Hz"),
+    (dict(imu_rate=480.0), r"imu_rate is 480.0 Hz; it must divide physics_rate \(120 Hz\), as 120 Hz does$"),
+    (dict(imu_rate=100.0), r"imu_rate is 100.0 Hz; it must divide physics_rate \(120 Hz\), as 60 or 120 Hz do$"),
     (dict(scan_range_max=0.1), "scan_range_max is 0.1"),
     (dict(start_time=0.0), "start_time is 0.0"),
 ])
