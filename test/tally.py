@@ -7,6 +7,7 @@ their number from `how_many` and makes each within `trial`.
 import contextlib
 import json
 import os
+import unittest
 from pathlib import Path
 from typing import Iterator, List, NamedTuple
 
@@ -49,11 +50,13 @@ def share() -> float:
 def trial(what: str) -> Iterator[Trial]:
     """Make one trial: lost where an exception leaves it, which goes on to the test.
 
-    What is broken off by no Exception, by Ctrl-C or by hypothesis that draws no further, is none.
+    What is skipped, or broken off by no Exception, as by Ctrl-C or by hypothesis that draws no further, is none.
     """
     made = Trial(what, False, [])
     try:
         yield made
+    except unittest.SkipTest:
+        raise
     except Exception:
         _tell(made._replace(lost=True))
         raise

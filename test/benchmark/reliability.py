@@ -110,8 +110,8 @@ def count(proof: Proof, results: str, quick: bool, told: Dict[str, List[Trial]])
     for trial in read_trials(Path(outcome.log).parent):
         by_name.setdefault(trial.what, []).append(trial)
     lost_trials = sum(trial.lost for trials in by_name.values() for trial in trials)
-    if not by_name or outcome.failed > lost_trials:  # of tests that tell of no trials, or failed beside them
-        run = max(1, outcome.passed + outcome.failed)
+    run = outcome.passed + outcome.failed  # none where all are skipped
+    if run and (not by_name or outcome.failed > lost_trials):  # of tests that tell of no trials, or failed beside them
         yield counted(proof.what, outcome.failed - lost_trials, run, "tests")
     for what, trials in sorted(by_name.items()):
         yield from tried(what, told.pop(what, []) + trials)

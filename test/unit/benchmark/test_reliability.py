@@ -1,5 +1,7 @@
 """The table of proofs: what was tried is counted, what was lost is not hidden, in trials and beside them."""
 
+import sys
+
 import pytest
 
 pytest.importorskip("psutil")
@@ -24,6 +26,15 @@ def test_one():
 
 def test_beside():
     assert not {beside}
+"""
+
+SKIPPED = """
+import unittest
+from tally import trial
+
+@trial("robots sent out")
+def test_skipped():
+    raise unittest.SkipTest("there is no robot")
 """
 
 
@@ -98,6 +109,12 @@ def test_a_trial_that_is_broken_off_is_neither_won_nor_lost(tmp_path, monkeypatc
         with pytest.raises(error), tally.trial("robots sent out"):
             raise error
     assert tally.read_trials(tmp_path) == [tally.Trial("robots sent out", True, [])]
+
+
+def test_what_is_skipped_is_neither_won_nor_lost(tell, monkeypatch):
+    """Where no control group can be made, a machine of a tenth of a core was told to have lost its circle."""
+    monkeypatch.setattr(sys.modules[__name__], "TESTS", SKIPPED)
+    assert tell() == {}
 
 
 def test_every_proof_is_there():
