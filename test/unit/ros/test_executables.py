@@ -10,8 +10,6 @@ from pathlib import Path
 import pytest
 from ros_testing import wait_until
 
-pytest.importorskip("mbf_msgs", reason="needs the built package")
-
 ROOT = Path(__file__).resolve().parents[3]
 FILE = ROOT / "config" / "move_base_flex.yaml"
 EXECUTABLES = sorted(path for path in (ROOT / "scripts").iterdir() if path.is_file() and os.access(path, os.X_OK))

@@ -7,31 +7,27 @@ import random
 from pathlib import Path
 from typing import Any, Optional
 
-import pytest
 import yaml
+from node_starts import MAP, how_they_start
+from tally import how_many, trial
 
-pytest.importorskip("mbf_msgs", reason="needs the built package")
-
-from node_starts import MAP, how_they_start  # noqa: E402
-from tally import how_many, trial  # noqa: E402
-
-from mbf_relay import plugins  # noqa: E402
-from mbf_relay.control.velocity_guard_parameters import VelocityGuardParameters  # noqa: E402
-from mbf_relay.costmap import LAYERS, factory  # noqa: E402
-from mbf_relay.costmap.layer import Layer  # noqa: E402
-from mbf_relay.costmap.observation_source import SourceParameters  # noqa: E402
-from mbf_relay.costmap.parameters import CostmapParameters  # noqa: E402
-from mbf_relay.localization.cloud_scan import CloudParameters  # noqa: E402
-from mbf_relay.localization.fake_localization import FakeLocalizationParameters  # noqa: E402
-from mbf_relay.localization.node_parameters import INITIAL, AmclParameters  # noqa: E402
-from mbf_relay.navigation.move_base_parameters import MoveBaseParameters  # noqa: E402
-from mbf_relay.navigation.parameters import NavigatorParameters  # noqa: E402
-from mbf_relay.navigation.plugin_lists import PLUGIN_LISTS  # noqa: E402
-from mbf_relay.navigation.waypoints import WaypointFollowerParameters  # noqa: E402
-from mbf_relay.ros.relay.relay import RelayParameters  # noqa: E402
-from mbf_relay.simulation.faults import Faults  # noqa: E402
-from mbf_relay.simulation.node_parameters import SimulatorParameters  # noqa: E402
-from mbf_relay.view.parameters import WebViewParameters  # noqa: E402
+from mbf_relay import plugins
+from mbf_relay.control.velocity_guard_parameters import VelocityGuardParameters
+from mbf_relay.costmap import LAYERS, factory
+from mbf_relay.costmap.layer import Layer
+from mbf_relay.costmap.observation_source import SourceParameters
+from mbf_relay.costmap.parameters import CostmapParameters
+from mbf_relay.localization.cloud_scan import CloudParameters
+from mbf_relay.localization.fake_localization import FakeLocalizationParameters
+from mbf_relay.localization.node_parameters import INITIAL, AmclParameters
+from mbf_relay.navigation.move_base_parameters import MoveBaseParameters
+from mbf_relay.navigation.parameters import NavigatorParameters
+from mbf_relay.navigation.plugin_lists import PLUGIN_LISTS
+from mbf_relay.navigation.waypoints import WaypointFollowerParameters
+from mbf_relay.ros.relay.relay import RelayParameters
+from mbf_relay.simulation.faults import Faults
+from mbf_relay.simulation.node_parameters import SimulatorParameters
+from mbf_relay.view.parameters import WebViewParameters
 
 ROOT = Path(__file__).resolve().parents[3]
 ALL = 10000

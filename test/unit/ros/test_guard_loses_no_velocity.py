@@ -5,16 +5,12 @@ import threading
 from collections import deque
 from types import SimpleNamespace
 
-import pytest
+from geometry_msgs.msg import Twist, Vector3
 
-rospy = pytest.importorskip("rospy", reason="needs ROS")
-
-from geometry_msgs.msg import Twist, Vector3  # noqa: E402
-
-from mbf_relay.control.velocity_guard import PASSING, Verdict  # noqa: E402
-from mbf_relay.geometry import STOP  # noqa: E402
-from mbf_relay.ros.common.clock_watch import ClockWatch  # noqa: E402
-from mbf_relay.ros.velocity_guard.node import VelocityGuardNode  # noqa: E402
+from mbf_relay.control.velocity_guard import PASSING, Verdict
+from mbf_relay.geometry import STOP
+from mbf_relay.ros.common.clock_watch import ClockWatch
+from mbf_relay.ros.velocity_guard.node import VelocityGuardNode
 
 
 def guard(asked):

@@ -5,16 +5,13 @@ from collections import deque
 from types import SimpleNamespace
 
 import pytest
+from geometry_msgs.msg import Twist, Vector3
 
-rospy = pytest.importorskip("rospy", reason="needs ROS")
-
-from geometry_msgs.msg import Twist, Vector3  # noqa: E402
-
-from mbf_relay.control.steering import Steering  # noqa: E402
-from mbf_relay.control.velocity_guard import PASSING, Verdict  # noqa: E402
-from mbf_relay.geometry import STOP, Twist2D  # noqa: E402
-from mbf_relay.ros.common.clock_watch import ClockWatch  # noqa: E402
-from mbf_relay.ros.velocity_guard.node import VelocityGuardNode  # noqa: E402
+from mbf_relay.control.steering import Steering
+from mbf_relay.control.velocity_guard import PASSING, Verdict
+from mbf_relay.geometry import STOP, Twist2D
+from mbf_relay.ros.common.clock_watch import ClockWatch
+from mbf_relay.ros.velocity_guard.node import VelocityGuardNode
 
 CAR = Steering(0.4)
 ON_A_CURVE = Twist2D(0.2, 0.0, 0.25)

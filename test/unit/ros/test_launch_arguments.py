@@ -10,16 +10,13 @@ import xml.etree.ElementTree as ElementTree
 from pathlib import Path
 
 import pytest
+from node_starts import how_they_start
+from roslaunch import config as roslaunch_config
+from roslaunch.core import RLException
+from roslaunch.loader import Loader
+from tally import LONG, how_many, trial
 
-pytest.importorskip("mbf_msgs", reason="needs the built package")
-roslaunch_config = pytest.importorskip("roslaunch.config")
-
-from node_starts import how_they_start  # noqa: E402
-from roslaunch.core import RLException  # noqa: E402
-from roslaunch.loader import Loader  # noqa: E402
-from tally import LONG, how_many, trial  # noqa: E402
-
-from mbf_relay.ros.compose.node import MEMBERS  # noqa: E402
+from mbf_relay.ros.compose.node import MEMBERS
 
 ROOT = Path(__file__).resolve().parents[3]
 VALUES = (

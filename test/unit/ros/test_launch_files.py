@@ -4,11 +4,8 @@ import xml.etree.ElementTree as ElementTree
 from pathlib import Path
 
 import pytest
-
-pytest.importorskip("mbf_msgs", reason="needs the built package")
-rlutil = pytest.importorskip("roslaunch.rlutil")
-
-from roslaunch.config import load_config_default  # noqa: E402
+from roslaunch import rlutil
+from roslaunch.config import load_config_default
 
 LAUNCH = sorted((Path(__file__).resolve().parents[3] / "launch").glob("*.launch"))
 TAKING_RESPAWN = [path for path in LAUNCH if '<arg name="respawn"' in path.read_text()]

@@ -4,15 +4,13 @@ import math
 
 import numpy as np
 import pytest
+import rospy
+from scan_source import StillFrames, scan_source
+from sensor_msgs.msg import LaserScan
 
-rospy = pytest.importorskip("rospy")
-
-from scan_source import StillFrames, scan_source  # noqa: E402
-from sensor_msgs.msg import LaserScan  # noqa: E402
-
-from mbf_relay.costmap.cost_grid import LETHAL  # noqa: E402
-from mbf_relay.geometry import IDENTITY  # noqa: E402
-from mbf_relay.ros.costmap import inputs  # noqa: E402
+from mbf_relay.costmap.cost_grid import LETHAL
+from mbf_relay.geometry import IDENTITY
+from mbf_relay.ros.costmap import inputs
 
 BEAMS = 360
 POST = slice(190, 200)

@@ -6,11 +6,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+import older_messages
 import pytest
-
-pytest.importorskip("mbf_msgs", reason="needs the built package")
-
-import older_messages  # noqa: E402
 
 TEST_FOLDER = Path(__file__).resolve().parents[2]
 SOURCE_FOLDER = TEST_FOLDER.parent / "src" / "mbf_relay"

@@ -1,25 +1,22 @@
 """What amcl's diagnostics say of its scans."""
 
 import pytest
+import rospy
+import tf2_ros
+from geometry_msgs.msg import TransformStamped
+from sensor_msgs.msg import LaserScan
+from std_msgs.msg import Header
 
-pytest.importorskip("tf2_ros")
-
-import rospy  # noqa: E402
-import tf2_ros  # noqa: E402
-from geometry_msgs.msg import TransformStamped  # noqa: E402
-from sensor_msgs.msg import LaserScan  # noqa: E402
-from std_msgs.msg import Header  # noqa: E402
-
-from mbf_relay.geometry import Pose2D  # noqa: E402
-from mbf_relay.localization.node_parameters import AmclParameters  # noqa: E402
-from mbf_relay.ros.amcl import health  # noqa: E402
-from mbf_relay.ros.amcl.health import ScanWatch, missing_transform  # noqa: E402
-from mbf_relay.ros.common import diagnostics  # noqa: E402
-from mbf_relay.ros.common.lidar_timings import LidarTimings  # noqa: E402
-from mbf_relay.ros.common.message_queue import MessageQueue  # noqa: E402
-from mbf_relay.ros.common.transforms import Transforms  # noqa: E402
-from mbf_relay.scan_sweep import BACKWARDS  # noqa: E402
-from mbf_relay.scan_timing import ScanTiming  # noqa: E402
+from mbf_relay.geometry import Pose2D
+from mbf_relay.localization.node_parameters import AmclParameters
+from mbf_relay.ros.amcl import health
+from mbf_relay.ros.amcl.health import ScanWatch, missing_transform
+from mbf_relay.ros.common import diagnostics
+from mbf_relay.ros.common.lidar_timings import LidarTimings
+from mbf_relay.ros.common.message_queue import MessageQueue
+from mbf_relay.ros.common.transforms import Transforms
+from mbf_relay.scan_sweep import BACKWARDS
+from mbf_relay.scan_timing import ScanTiming
 
 
 def no_timings():

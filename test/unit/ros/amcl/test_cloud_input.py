@@ -5,17 +5,15 @@ from io import BytesIO
 
 import numpy as np
 import pytest
+import rospy
+from geometry_msgs.msg import TransformStamped
+from sensor_msgs.msg import PointCloud2, PointField
 
-rospy = pytest.importorskip("rospy")
-
-from geometry_msgs.msg import TransformStamped  # noqa: E402
-from sensor_msgs.msg import PointCloud2, PointField  # noqa: E402
-
-from mbf_relay.localization.cloud_scan import CloudParameters  # noqa: E402
-from mbf_relay.ros.amcl import cloud_input  # noqa: E402
-from mbf_relay.ros.amcl.cloud_input import scan_of_cloud  # noqa: E402
-from mbf_relay.ros.common.checks import InvalidMessage  # noqa: E402
-from mbf_relay.ros.common.message_queue import MessageQueue  # noqa: E402
+from mbf_relay.localization.cloud_scan import CloudParameters
+from mbf_relay.ros.amcl import cloud_input
+from mbf_relay.ros.amcl.cloud_input import scan_of_cloud
+from mbf_relay.ros.common.checks import InvalidMessage
+from mbf_relay.ros.common.message_queue import MessageQueue
 
 VALUES = CloudParameters(angle_increment=math.pi / 4.0, min_height=0.2, max_height=0.8)
 

@@ -4,16 +4,13 @@ import threading
 from types import SimpleNamespace
 
 import numpy as np
-import pytest
 
-pytest.importorskip("mbf_msgs", reason="needs the built package")
-
-from mbf_relay.geometry import IDENTITY, Pose2D  # noqa: E402
-from mbf_relay.localization.localizer import Localizer  # noqa: E402
-from mbf_relay.localization.node_parameters import AmclParameters  # noqa: E402
-from mbf_relay.maps import OccupancyMap  # noqa: E402
-from mbf_relay.ros.amcl.node import AmclNode  # noqa: E402
-from mbf_relay.scan import LaserScan  # noqa: E402
+from mbf_relay.geometry import IDENTITY, Pose2D
+from mbf_relay.localization.localizer import Localizer
+from mbf_relay.localization.node_parameters import AmclParameters
+from mbf_relay.maps import OccupancyMap
+from mbf_relay.ros.amcl.node import AmclNode
+from mbf_relay.scan import LaserScan
 
 PLACE = Pose2D(1.0, 2.0, 0.5)
 

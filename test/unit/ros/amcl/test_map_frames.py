@@ -4,16 +4,14 @@ import types
 
 import numpy as np
 import pytest
+import rospy
 
-rospy = pytest.importorskip("rospy")
-pytest.importorskip("mbf_msgs", reason="needs the built package")
-
-from mbf_relay.costmap.factory import build_costmap  # noqa: E402
-from mbf_relay.geometry import IDENTITY  # noqa: E402
-from mbf_relay.maps import OccupancyMap  # noqa: E402
-from mbf_relay.ros.amcl import map_client  # noqa: E402
-from mbf_relay.ros.common.conversions import map_to_message  # noqa: E402
-from mbf_relay.ros.costmap.inputs import MapInput  # noqa: E402
+from mbf_relay.costmap.factory import build_costmap
+from mbf_relay.geometry import IDENTITY
+from mbf_relay.maps import OccupancyMap
+from mbf_relay.ros.amcl import map_client
+from mbf_relay.ros.common.conversions import map_to_message
+from mbf_relay.ros.costmap.inputs import MapInput
 
 ROOM = OccupancyMap(np.zeros((20, 20), dtype=np.int8), 0.05, IDENTITY)
 

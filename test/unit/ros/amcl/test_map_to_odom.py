@@ -6,17 +6,15 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+import rospy
+from sensor_msgs.msg import LaserScan as LaserScanMessage
 
-rospy = pytest.importorskip("rospy")
-
-from sensor_msgs.msg import LaserScan as LaserScanMessage  # noqa: E402
-
-from mbf_relay.geometry import IDENTITY, Pose2D  # noqa: E402
-from mbf_relay.localization.node_parameters import AmclParameters  # noqa: E402
-from mbf_relay.ros.amcl import node as amcl  # noqa: E402
-from mbf_relay.ros.amcl.map_to_odom import PAUSE, MapToOdom  # noqa: E402
-from mbf_relay.ros.amcl.saved_pose import SavedPose  # noqa: E402
-from mbf_relay.scan import LaserScan  # noqa: E402
+from mbf_relay.geometry import IDENTITY, Pose2D
+from mbf_relay.localization.node_parameters import AmclParameters
+from mbf_relay.ros.amcl import node as amcl
+from mbf_relay.ros.amcl.map_to_odom import PAUSE, MapToOdom
+from mbf_relay.ros.amcl.saved_pose import SavedPose
+from mbf_relay.scan import LaserScan
 
 POSE = Pose2D(1.0, 2.0, 0.3)
 

@@ -6,13 +6,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-pytest.importorskip("mbf_msgs", reason="needs the built package")
-
-from mbf_relay.geometry import IDENTITY, Pose2D  # noqa: E402
-from mbf_relay.localization.node_parameters import AmclParameters  # noqa: E402
-from mbf_relay.maps import OccupancyMap  # noqa: E402
-from mbf_relay.ros.amcl import node as amcl  # noqa: E402
-from mbf_relay.ros.common.conversions import map_to_message  # noqa: E402
+from mbf_relay.geometry import IDENTITY, Pose2D
+from mbf_relay.localization.node_parameters import AmclParameters
+from mbf_relay.maps import OccupancyMap
+from mbf_relay.ros.amcl import node as amcl
+from mbf_relay.ros.common.conversions import map_to_message
 
 PLACE = Pose2D(1.0, 2.0, 0.5)
 

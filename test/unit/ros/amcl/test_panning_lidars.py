@@ -5,18 +5,16 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+import rospy
+from geometry_msgs.msg import TransformStamped
+from sensor_msgs.msg import LaserScan
 
-rospy = pytest.importorskip("rospy")
-
-from geometry_msgs.msg import TransformStamped  # noqa: E402
-from sensor_msgs.msg import LaserScan  # noqa: E402
-
-from mbf_relay.geometry import Pose2D  # noqa: E402
-from mbf_relay.localization.node_parameters import AmclParameters  # noqa: E402
-from mbf_relay.ros.amcl.health import ScanWatch  # noqa: E402
-from mbf_relay.ros.amcl.node import AmclNode  # noqa: E402
-from mbf_relay.ros.common.lidar_timings import LidarTimings  # noqa: E402
-from mbf_relay.scan_timing import ScanTiming  # noqa: E402
+from mbf_relay.geometry import Pose2D
+from mbf_relay.localization.node_parameters import AmclParameters
+from mbf_relay.ros.amcl.health import ScanWatch
+from mbf_relay.ros.amcl.node import AmclNode
+from mbf_relay.ros.common.lidar_timings import LidarTimings
+from mbf_relay.scan_timing import ScanTiming
 
 LATE = 0.3
 

@@ -5,13 +5,12 @@ import xmlrpc.client
 
 import numpy as np
 import pytest
+import rospy
 from ros_testing import wait_until
 
-rospy = pytest.importorskip("rospy", reason="needs ROS")
-
-from mbf_relay.geometry import IDENTITY, Pose2D  # noqa: E402
-from mbf_relay.localization.kept_pose import KeptPose  # noqa: E402
-from mbf_relay.ros.amcl.saved_pose import SavedPose  # noqa: E402
+from mbf_relay.geometry import IDENTITY, Pose2D
+from mbf_relay.localization.kept_pose import KeptPose
+from mbf_relay.ros.amcl.saved_pose import SavedPose
 
 
 @pytest.mark.parametrize("answer", [

@@ -3,17 +3,14 @@
 import math
 
 import pytest
+from geometry_msgs.msg import TransformStamped
+from nav_msgs.msg import MapMetaData
+from sensor_msgs.msg import LaserScan
 
-pytest.importorskip("mbf_msgs", reason="needs the built package")
-
-from geometry_msgs.msg import TransformStamped  # noqa: E402
-from nav_msgs.msg import MapMetaData  # noqa: E402
-from sensor_msgs.msg import LaserScan  # noqa: E402
-
-from mbf_relay.ros.common import checks  # noqa: E402
-from mbf_relay.ros.common.bags import sound_transforms  # noqa: E402
-from mbf_relay.ros.common.checks import InvalidMessage  # noqa: E402
-from mbf_relay.ros.common.conversions import take_transform  # noqa: E402
+from mbf_relay.ros.common import checks
+from mbf_relay.ros.common.bags import sound_transforms
+from mbf_relay.ros.common.checks import InvalidMessage
+from mbf_relay.ros.common.conversions import take_transform
 
 
 def transform(parent="odom", child="base_link", place=(1.0, 2.0, 0.0), turn=(0.0, 0.0, 0.0, 1.0)):

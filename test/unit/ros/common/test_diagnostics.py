@@ -4,13 +4,11 @@ import io
 from types import SimpleNamespace
 
 import pytest
+import rospy
+from diagnostic_msgs.msg import DiagnosticArray
+from ros_testing import wait_until
 
-rospy = pytest.importorskip("rospy")
-
-from diagnostic_msgs.msg import DiagnosticArray  # noqa: E402
-from ros_testing import wait_until  # noqa: E402
-
-from mbf_relay.ros.common.diagnostics import ERROR, OK, Diagnostics, RateMeter  # noqa: E402
+from mbf_relay.ros.common.diagnostics import ERROR, OK, Diagnostics, RateMeter
 
 
 def ticked(*stamps, **options):

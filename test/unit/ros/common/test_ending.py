@@ -10,14 +10,11 @@ import time
 from pathlib import Path
 
 import pytest
-
-pytest.importorskip("mbf_msgs", reason="needs the built package")
-
 from programs import program
 from ros_testing import wait_until
 from tally import LONG, trial
 
-from mbf_relay.ros.tools.demo_graph import free_port  # noqa: E402
+from mbf_relay.ros.tools.demo_graph import free_port
 
 ROOT = Path(__file__).resolve().parents[4]
 NODES = {

@@ -1,29 +1,25 @@
 """What any node on the network may send: each message becomes something sound, or one line that refuses it."""
 
+import genpy
 import numpy as np
 import pytest
+import rosbag
+from geometry_msgs.msg import Pose, TransformStamped, Twist
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from mbf_msgs.msg import ExePathGoal, GetPathGoal, MoveBaseGoal, RecoveryGoal
+from nav_msgs.msg import OccupancyGrid
+from nav_msgs.msg import Path as PathMessage
+from random_messages import message
+from sensor_msgs.msg import LaserScan, PointCloud, PointCloud2, PointField
+from tally import how_many, trial
 
-pytest.importorskip("mbf_msgs.msg")
-pytest.importorskip("tf2_ros")
-
-import genpy  # noqa: E402
-import rosbag  # noqa: E402
-from geometry_msgs.msg import Pose, TransformStamped, Twist  # noqa: E402
-from hypothesis import HealthCheck, given, settings  # noqa: E402
-from hypothesis import strategies as st  # noqa: E402
-from mbf_msgs.msg import ExePathGoal, GetPathGoal, MoveBaseGoal, RecoveryGoal  # noqa: E402
-from nav_msgs.msg import OccupancyGrid  # noqa: E402
-from nav_msgs.msg import Path as PathMessage  # noqa: E402
-from random_messages import message  # noqa: E402
-from sensor_msgs.msg import LaserScan, PointCloud, PointCloud2, PointField  # noqa: E402
-from tally import how_many, trial  # noqa: E402
-
-from mbf_relay.localization.cloud_scan import CloudParameters  # noqa: E402
-from mbf_relay.outcomes import NavigationError  # noqa: E402
-from mbf_relay.ros.amcl.cloud_input import scan_of_cloud  # noqa: E402
-from mbf_relay.ros.common import bags, conversions  # noqa: E402
-from mbf_relay.ros.costmap.inputs import points_from  # noqa: E402
-from mbf_relay.ros.server import messages  # noqa: E402
+from mbf_relay.localization.cloud_scan import CloudParameters
+from mbf_relay.outcomes import NavigationError
+from mbf_relay.ros.amcl.cloud_input import scan_of_cloud
+from mbf_relay.ros.common import bags, conversions
+from mbf_relay.ros.costmap.inputs import points_from
+from mbf_relay.ros.server import messages
 
 EXAMPLES = how_many(30, 5000)
 

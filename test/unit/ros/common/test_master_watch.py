@@ -7,15 +7,12 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
+from programs import program
+from ros_master import Master
+from ros_testing import wait_until
 
-pytest.importorskip("mbf_msgs", reason="needs the built package")
-
-from programs import program  # noqa: E402
-from ros_master import Master  # noqa: E402
-from ros_testing import wait_until  # noqa: E402
-
-from mbf_relay.ros.common import master_watch  # noqa: E402
-from mbf_relay.ros.tools.demo_graph import free_port  # noqa: E402
+from mbf_relay.ros.common import master_watch
+from mbf_relay.ros.tools.demo_graph import free_port
 
 MAP = Path(__file__).resolve().parents[4] / "config" / "maps" / "turtlebot3_world.yaml"
 

@@ -6,21 +6,19 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+import rospy
+from geometry_msgs.msg import Transform, TransformStamped
+from hypothesis import given
+from hypothesis import strategies as st
+from ros_testing import wait_until
+from sensor_msgs.msg import LaserScan as LaserScanMessage
 
-rospy = pytest.importorskip("rospy")
-
-from geometry_msgs.msg import Transform, TransformStamped  # noqa: E402
-from hypothesis import given  # noqa: E402
-from hypothesis import strategies as st  # noqa: E402
-from ros_testing import wait_until  # noqa: E402
-from sensor_msgs.msg import LaserScan as LaserScanMessage  # noqa: E402
-
-from mbf_relay.outcomes import TransformError  # noqa: E402
-from mbf_relay.ros.common.checks import InvalidMessage  # noqa: E402
-from mbf_relay.ros.common.lidar_geometry import mounting_of, scan_in_base, seen_from_above  # noqa: E402
-from mbf_relay.ros.common.message_queue import MessageQueue  # noqa: E402
-from mbf_relay.ros.common.throttled_warnings import ThrottledWarnings  # noqa: E402
-from mbf_relay.scan import LaserScan  # noqa: E402
+from mbf_relay.outcomes import TransformError
+from mbf_relay.ros.common.checks import InvalidMessage
+from mbf_relay.ros.common.lidar_geometry import mounting_of, scan_in_base, seen_from_above
+from mbf_relay.ros.common.message_queue import MessageQueue
+from mbf_relay.ros.common.throttled_warnings import ThrottledWarnings
+from mbf_relay.scan import LaserScan
 
 
 def message(stamp, frame="front"):

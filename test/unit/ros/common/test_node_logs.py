@@ -9,18 +9,15 @@ import threading
 from pathlib import Path
 
 import pytest
+import rospy
+import rospy.impl.paramserver
+from programs import program
+from ros_master import Master
+from ros_testing import wait_until
+from rosgraph.roslogging import RosStreamHandler
 
-pytest.importorskip("mbf_msgs", reason="needs the built package")
-
-import rospy  # noqa: E402
-import rospy.impl.paramserver  # noqa: E402
-from programs import program  # noqa: E402
-from ros_master import Master  # noqa: E402
-from ros_testing import wait_until  # noqa: E402
-from rosgraph.roslogging import RosStreamHandler  # noqa: E402
-
-from mbf_relay.ros.common import logs  # noqa: E402
-from mbf_relay.ros.tools.demo_graph import free_port  # noqa: E402
+from mbf_relay.ros.common import logs
+from mbf_relay.ros.tools.demo_graph import free_port
 
 MAP = Path(__file__).resolve().parents[4] / "config" / "maps" / "turtlebot3_world.yaml"
 

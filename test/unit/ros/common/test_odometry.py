@@ -4,15 +4,12 @@ import time
 from types import SimpleNamespace
 
 import pytest
+import rospy
+from nav_msgs.msg import Odometry
+from ros_testing import as_received
 
-pytest.importorskip("mbf_msgs", reason="needs the built package")
-
-import rospy  # noqa: E402
-from nav_msgs.msg import Odometry  # noqa: E402
-from ros_testing import as_received  # noqa: E402
-
-from mbf_relay.outcomes import StaleDataError  # noqa: E402
-from mbf_relay.ros.common import odometry  # noqa: E402
+from mbf_relay.outcomes import StaleDataError
+from mbf_relay.ros.common import odometry
 
 NOW = 10.0
 

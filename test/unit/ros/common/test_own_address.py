@@ -4,9 +4,7 @@ from types import SimpleNamespace
 
 import pytest
 
-pytest.importorskip("rospy", reason="needs ROS")
-
-from mbf_relay.ros.common import own_address  # noqa: E402
+from mbf_relay.ros.common import own_address
 
 
 @pytest.fixture

@@ -1,20 +1,17 @@
 """Names in a user's file that nobody reads are told of, whoever should have read them."""
 
 import pytest
+import rospy
+from rosmaster.paramserver import ParamDictionary
 
-rospy = pytest.importorskip("rospy")
-pytest.importorskip("mbf_msgs", reason="needs the built package")
-
-from rosmaster.paramserver import ParamDictionary  # noqa: E402
-
-from mbf_relay.control.dwa_parameters import DwaParameters  # noqa: E402
-from mbf_relay.localization.node_parameters import AmclParameters  # noqa: E402
-from mbf_relay.navigation.examination import READ_BY_THE_NODE, SIDES  # noqa: E402
-from mbf_relay.navigation.parameters import NavigatorParameters  # noqa: E402
-from mbf_relay.navigation.registry import Registry  # noqa: E402
-from mbf_relay.planning.planner import Planner  # noqa: E402
+from mbf_relay.control.dwa_parameters import DwaParameters
+from mbf_relay.localization.node_parameters import AmclParameters
+from mbf_relay.navigation.examination import READ_BY_THE_NODE, SIDES
+from mbf_relay.navigation.parameters import NavigatorParameters
+from mbf_relay.navigation.registry import Registry
+from mbf_relay.planning.planner import Planner
 from mbf_relay.ros.common import parameters
-from mbf_relay.ros.server import node  # noqa: E402
+from mbf_relay.ros.server import node
 
 
 @pytest.fixture

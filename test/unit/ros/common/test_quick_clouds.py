@@ -5,14 +5,11 @@ import struct
 
 import numpy as np
 import pytest
+from sensor_msgs.msg import PointCloud2, PointField
 
-pytest.importorskip("sensor_msgs")
-
-from sensor_msgs.msg import PointCloud2, PointField  # noqa: E402
-
-from mbf_relay.ros.common.checks import InvalidMessage  # noqa: E402
-from mbf_relay.ros.common.clouds import cloud_points  # noqa: E402
-from mbf_relay.ros.common.quick_clouds import QuickCloud  # noqa: E402
+from mbf_relay.ros.common.checks import InvalidMessage
+from mbf_relay.ros.common.clouds import cloud_points
+from mbf_relay.ros.common.quick_clouds import QuickCloud
 
 
 def cloud(rows, columns, frame="camera", gap=0, spare=0, order="<", kind="f4"):

@@ -4,14 +4,10 @@ import io
 
 import numpy as np
 import pytest
+from map_msgs.msg import OccupancyGridUpdate
+from nav_msgs.msg import OccupancyGrid
 
-pytest.importorskip("nav_msgs")
-pytest.importorskip("map_msgs")
-
-from map_msgs.msg import OccupancyGridUpdate  # noqa: E402
-from nav_msgs.msg import OccupancyGrid  # noqa: E402
-
-from mbf_relay.ros.common.quick_grids import QuickGrid, QuickGridUpdate  # noqa: E402
+from mbf_relay.ros.common.quick_grids import QuickGrid, QuickGridUpdate
 
 
 def written(message):

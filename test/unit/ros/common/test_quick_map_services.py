@@ -5,19 +5,15 @@ import tracemalloc
 
 import numpy as np
 import pytest
+from nav_msgs.msg import OccupancyGrid
+from nav_msgs.srv import GetMapResponse, LoadMapResponse
 
-rospy = pytest.importorskip("rospy")
-pytest.importorskip("nav_msgs")
-
-from nav_msgs.msg import OccupancyGrid  # noqa: E402
-from nav_msgs.srv import GetMapResponse, LoadMapResponse  # noqa: E402
-
-from mbf_relay.geometry import Pose2D  # noqa: E402
-from mbf_relay.maps import OccupancyMap  # noqa: E402
-from mbf_relay.ros.amcl import map_client  # noqa: E402
-from mbf_relay.ros.common.conversions import map_to_message  # noqa: E402
-from mbf_relay.ros.common.quick_map_services import QuickLoadResponse, QuickMapResponse  # noqa: E402
-from mbf_relay.ros.map_server import node as map_server  # noqa: E402
+from mbf_relay.geometry import Pose2D
+from mbf_relay.maps import OccupancyMap
+from mbf_relay.ros.amcl import map_client
+from mbf_relay.ros.common.conversions import map_to_message
+from mbf_relay.ros.common.quick_map_services import QuickLoadResponse, QuickMapResponse
+from mbf_relay.ros.map_server import node as map_server
 
 
 def written(message):

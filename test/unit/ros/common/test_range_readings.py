@@ -4,13 +4,10 @@ import math
 
 import numpy as np
 import pytest
+from sensor_msgs.msg import Range
 
-pytest.importorskip("sensor_msgs", reason="needs ROS")
-
-from sensor_msgs.msg import Range  # noqa: E402
-
-from mbf_relay.ros.common.checks import InvalidMessage  # noqa: E402
-from mbf_relay.ros.common.range_readings import range_points  # noqa: E402
+from mbf_relay.ros.common.checks import InvalidMessage
+from mbf_relay.ros.common.range_readings import range_points
 
 INF, NAN = math.inf, math.nan
 

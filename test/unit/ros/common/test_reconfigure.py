@@ -7,6 +7,7 @@ import xmlrpc.server
 from types import SimpleNamespace
 
 import pytest
+import rospy
 from upstream_parameters import CONFIG, DIFFERENT, README, SECTION, UPSTREAM, offered, table
 
 from mbf_relay.control.dwa_parameters import DwaParameters
@@ -128,7 +129,6 @@ def master(monkeypatch):
 
 
 def test_a_start_does_not_keep_the_master_busy_with_each_slider(master):
-    pytest.importorskip("rospy")
     from mbf_relay.ros.common import reconfigure
 
     values = {f"/node/parameter_{n}": value for n, value in enumerate([True, 1, -0.5, "text"] * 10)}
@@ -137,7 +137,6 @@ def test_a_start_does_not_keep_the_master_busy_with_each_slider(master):
 
 
 def test_a_master_that_refuses_a_parameter_is_told_of(master):
-    rospy = pytest.importorskip("rospy")
     from mbf_relay.ros.common import reconfigure
 
     master.refused = ("/node/b",)

@@ -3,13 +3,10 @@
 import math
 
 import pytest
+from sensor_msgs.msg import LaserScan
 
-pytest.importorskip("mbf_msgs", reason="needs the built package")
-
-from sensor_msgs.msg import LaserScan  # noqa: E402
-
-from mbf_relay.ros.common.checks import InvalidMessage  # noqa: E402
-from mbf_relay.ros.common.conversions import scan_from_message  # noqa: E402
+from mbf_relay.ros.common.checks import InvalidMessage
+from mbf_relay.ros.common.conversions import scan_from_message
 
 DEGREE = math.pi / 180.0
 

@@ -6,16 +6,13 @@ import threading
 from types import SimpleNamespace
 
 import pytest
+import rospy
 from ros_testing import wait_until
+from rosgraph_msgs.msg import Clock
 
-pytest.importorskip("rospy")
-
-import rospy  # noqa: E402
-from rosgraph_msgs.msg import Clock  # noqa: E402
-
-from mbf_relay.ros.common import stepper  # noqa: E402
-from mbf_relay.ros.common.stepper import Stepper  # noqa: E402
-from mbf_relay.timing import Pacer  # noqa: E402
+from mbf_relay.ros.common import stepper
+from mbf_relay.ros.common.stepper import Stepper
+from mbf_relay.timing import Pacer
 
 
 class Watched:

@@ -1,10 +1,8 @@
 """Trouble that lasts is warned of; hiccups and a graph that comes up are not."""
 
-import pytest
 
-pytest.importorskip("rospy")
 
-from mbf_relay.ros.common.throttled_warnings import PERIOD, START_PATIENCE, ThrottledWarnings  # noqa: E402
+from mbf_relay.ros.common.throttled_warnings import PERIOD, START_PATIENCE, ThrottledWarnings
 
 
 class Bench:

@@ -4,13 +4,10 @@ import math
 from types import SimpleNamespace
 
 import pytest
+from geometry_msgs.msg import Quaternion, Transform, TransformStamped, Vector3
+from sensor_msgs.msg import LaserScan
 
-pytest.importorskip("rospy", reason="needs ROS")
-
-from geometry_msgs.msg import Quaternion, Transform, TransformStamped, Vector3  # noqa: E402
-from sensor_msgs.msg import LaserScan  # noqa: E402
-
-from mbf_relay.ros.common.lidar_geometry import scan_in_base  # noqa: E402
+from mbf_relay.ros.common.lidar_geometry import scan_in_base
 
 
 def seen_by_lidar_tilted(degrees, upside_down=False):

@@ -7,20 +7,17 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+import rospy
+from geometry_msgs.msg import Quaternion, Transform, TransformStamped, Vector3
+from tf2_msgs.msg import TFMessage
 
-pytest.importorskip("rospy")
-
-import rospy  # noqa: E402
-from geometry_msgs.msg import Quaternion, Transform, TransformStamped, Vector3  # noqa: E402
-from tf2_msgs.msg import TFMessage  # noqa: E402
-
-from mbf_relay.geometry import Pose2D  # noqa: E402
-from mbf_relay.outcomes import TransformError  # noqa: E402
-from mbf_relay.ros.common import transforms  # noqa: E402
-from mbf_relay.ros.common.clouds import rigid  # noqa: E402
-from mbf_relay.ros.common.conversions import header, transform_to_message  # noqa: E402
-from mbf_relay.ros.common.lidar_geometry import mounting_of  # noqa: E402
-from mbf_relay.ros.common.tf_buffer import UnreadTransforms  # noqa: E402
+from mbf_relay.geometry import Pose2D
+from mbf_relay.outcomes import TransformError
+from mbf_relay.ros.common import transforms
+from mbf_relay.ros.common.clouds import rigid
+from mbf_relay.ros.common.conversions import header, transform_to_message
+from mbf_relay.ros.common.lidar_geometry import mounting_of
+from mbf_relay.ros.common.tf_buffer import UnreadTransforms
 
 
 class Robot:

@@ -2,15 +2,11 @@
 
 import io
 
-import pytest
+from geometry_msgs.msg import PoseStamped
+from nav_msgs.msg import Path
+from rospy.msg import serialize_message
 
-pytest.importorskip("rospy", reason="there is no ROS for this interpreter")
-
-from geometry_msgs.msg import PoseStamped  # noqa: E402
-from nav_msgs.msg import Path  # noqa: E402
-from rospy.msg import serialize_message  # noqa: E402
-
-from mbf_relay.ros.common.unread import unread  # noqa: E402
+from mbf_relay.ros.common.unread import unread
 
 
 def written(message):

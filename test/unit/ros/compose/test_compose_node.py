@@ -7,10 +7,8 @@ from pathlib import Path
 
 import pytest
 
-pytest.importorskip("mbf_msgs", reason="needs the built package")
-
-from mbf_relay.ros.common import node  # noqa: E402
-from mbf_relay.ros.compose.node import MEMBERS, read_arguments  # noqa: E402
+from mbf_relay.ros.common import node
+from mbf_relay.ros.compose.node import MEMBERS, read_arguments
 
 SCRIPTS = Path(__file__).resolve().parents[4] / "scripts"
 

@@ -11,8 +11,6 @@ import psutil
 import pytest
 from ros_testing import wait_until
 
-pytest.importorskip("mbf_relay")
-
 PROGRAM = """
 import os, signal, sys, time
 from mbf_relay.ros.compose.family import Family

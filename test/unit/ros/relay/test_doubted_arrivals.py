@@ -1,13 +1,10 @@
 """Arrivals that the server claims and the relay does not believe."""
 
 import pytest
+from fake_server import ABORTED, ACTIVE, PREEMPTED, SUCCEEDED, Setup
+from mbf_msgs.msg import MoveBaseResult
 
-pytest.importorskip("mbf_msgs.msg")
-
-from fake_server import ABORTED, ACTIVE, PREEMPTED, SUCCEEDED, Setup  # noqa: E402
-from mbf_msgs.msg import MoveBaseResult  # noqa: E402
-
-from mbf_relay.ros.relay import answers  # noqa: E402
+from mbf_relay.ros.relay import answers
 
 
 @pytest.fixture

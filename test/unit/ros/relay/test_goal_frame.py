@@ -3,9 +3,6 @@
 import threading
 
 import pytest
-
-pytest.importorskip("tf2_ros")
-
 from geometry_msgs.msg import Point, Pose, PoseStamped, Quaternion
 from ros_testing import wait_until
 

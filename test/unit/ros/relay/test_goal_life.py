@@ -8,21 +8,18 @@ import gc
 import math
 
 import pytest
+from actionlib_msgs.msg import GoalID, GoalStatus
+from geometry_msgs.msg import PoseStamped
+from hypothesis import HealthCheck, settings
+from hypothesis import strategies as st
+from hypothesis.stateful import RuleBasedStateMachine, invariant, rule
+from mbf_msgs.msg import MoveBaseActionGoal, MoveBaseGoal
+from paper_graph import STEP, Graph, scripted, steer
+from tally import how_many, trial
 
-pytest.importorskip("mbf_msgs.msg")
-
-from actionlib_msgs.msg import GoalID, GoalStatus  # noqa: E402
-from geometry_msgs.msg import PoseStamped  # noqa: E402
-from hypothesis import HealthCheck, settings  # noqa: E402
-from hypothesis import strategies as st  # noqa: E402
-from hypothesis.stateful import RuleBasedStateMachine, invariant, rule  # noqa: E402
-from mbf_msgs.msg import MoveBaseActionGoal, MoveBaseGoal  # noqa: E402
-from paper_graph import STEP, Graph, scripted, steer  # noqa: E402
-from tally import how_many, trial  # noqa: E402
-
-from mbf_relay.geometry import STOP  # noqa: E402
-from mbf_relay.outcomes import ControlError, ControlOutcome  # noqa: E402
-from mbf_relay.ros.common.actions.goal_tracker import REMEMBER_FOR  # noqa: E402
+from mbf_relay.geometry import STOP
+from mbf_relay.outcomes import ControlError, ControlOutcome
+from mbf_relay.ros.common.actions.goal_tracker import REMEMBER_FOR
 
 RUNS = how_many(60, 10000)
 TOPICS = st.sampled_from(["goal", "cancel", "lease", "status", "result", "feedback", "cmd_vel"])

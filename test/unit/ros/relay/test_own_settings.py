@@ -4,14 +4,12 @@ from types import SimpleNamespace
 
 import pytest
 
-pytest.importorskip("dynamic_reconfigure", reason="there is no ROS for this interpreter")
-
-from mbf_relay.navigation.move_base_files import server_config  # noqa: E402
-from mbf_relay.navigation.move_base_parameters import MoveBaseParameters  # noqa: E402
-from mbf_relay.navigation.parameters import NavigatorParameters  # noqa: E402
-from mbf_relay.ros.move_base.node import with_own_server  # noqa: E402
-from mbf_relay.ros.move_base.settings import OwnSettings  # noqa: E402
-from mbf_relay.ros.relay.relay import RelayParameters  # noqa: E402
+from mbf_relay.navigation.move_base_files import server_config
+from mbf_relay.navigation.move_base_parameters import MoveBaseParameters
+from mbf_relay.navigation.parameters import NavigatorParameters
+from mbf_relay.ros.move_base.node import with_own_server
+from mbf_relay.ros.move_base.settings import OwnSettings
+from mbf_relay.ros.relay.relay import RelayParameters
 
 
 @pytest.mark.parametrize("namespace", [

@@ -1,10 +1,7 @@
 """The relay's core, state by state, between stand-ins."""
 
 import pytest
-
-pytest.importorskip("mbf_msgs.msg")
-
-from fake_server import (  # noqa: E402
+from fake_server import (
     ABORTED,
     ACTIVE,
     LOST,
@@ -17,9 +14,9 @@ from fake_server import (  # noqa: E402
     PaperClientGoal,
     Setup,
 )
-from mbf_msgs.msg import ExePathResult, GetPathResult, MoveBaseResult  # noqa: E402
+from mbf_msgs.msg import ExePathResult, GetPathResult, MoveBaseResult
 
-from mbf_relay.ros.relay import answers  # noqa: E402
+from mbf_relay.ros.relay import answers
 
 
 @pytest.fixture

@@ -3,14 +3,11 @@
 import threading
 
 import pytest
+from fake_server import ACTIVE, RECALLED, SUCCEEDED, FakeServer, PaperClientGoal, Recorder, Setup
+from mbf_msgs.msg import MoveBaseResult
 
-pytest.importorskip("mbf_msgs.msg")
-
-from fake_server import ACTIVE, RECALLED, SUCCEEDED, FakeServer, PaperClientGoal, Recorder, Setup  # noqa: E402
-from mbf_msgs.msg import MoveBaseResult  # noqa: E402
-
-from mbf_relay.ros.common.actions.client_goals import RESEND_AFTER  # noqa: E402
-from mbf_relay.ros.relay.relay import Relay, RelayParameters  # noqa: E402
+from mbf_relay.ros.common.actions.client_goals import RESEND_AFTER
+from mbf_relay.ros.relay.relay import Relay, RelayParameters
 
 
 def test_rviz_shows_where_the_robot_is_sent_and_nothing_that_it_is_not_sent_to():

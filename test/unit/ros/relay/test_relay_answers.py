@@ -3,16 +3,13 @@
 from types import SimpleNamespace
 
 import pytest
+from actionlib_msgs.msg import GoalStatus
+from geometry_msgs.msg import Pose, PoseStamped, Quaternion
 
-pytest.importorskip("mbf_msgs.msg")
-
-from actionlib_msgs.msg import GoalStatus  # noqa: E402
-from geometry_msgs.msg import Pose, PoseStamped, Quaternion  # noqa: E402
-
-from mbf_relay.navigation.goals import NavigateOutcome  # noqa: E402
-from mbf_relay.ros.common.actions.client_goals import ActionEnding  # noqa: E402
-from mbf_relay.ros.common.outcome_codes import code_of  # noqa: E402
-from mbf_relay.ros.relay import answers  # noqa: E402
+from mbf_relay.navigation.goals import NavigateOutcome
+from mbf_relay.ros.common.actions.client_goals import ActionEnding
+from mbf_relay.ros.common.outcome_codes import code_of
+from mbf_relay.ros.relay import answers
 
 
 def constants(first, *names, **others):

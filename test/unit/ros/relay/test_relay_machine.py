@@ -2,17 +2,13 @@
 
 import math
 
-import pytest
-
-pytest.importorskip("mbf_msgs.msg")
-
-from fake_server import ABORTED, ACTIVE, LOST, PREEMPTED, PREEMPTING, RECALLED, REJECTED, SUCCEEDED, Setup  # noqa: E402
-from hypothesis import settings  # noqa: E402
+from fake_server import ABORTED, ACTIVE, LOST, PREEMPTED, PREEMPTING, RECALLED, REJECTED, SUCCEEDED, Setup
+from hypothesis import settings
 from hypothesis import strategies as st
-from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, rule  # noqa: E402
-from mbf_msgs.msg import ExePathResult, GetPathResult, MoveBaseResult  # noqa: E402
+from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, rule
+from mbf_msgs.msg import ExePathResult, GetPathResult, MoveBaseResult
 
-from mbf_relay.ros.relay.relay import SUCCESSOR_PATIENCE  # noqa: E402
+from mbf_relay.ros.relay.relay import SUCCESSOR_PATIENCE
 
 ENDINGS = st.sampled_from([
     (SUCCEEDED, MoveBaseResult.SUCCESS), (SUCCEEDED, ExePathResult.COLLISION), (ABORTED, GetPathResult.NO_PATH_FOUND),

@@ -1,13 +1,10 @@
 """Clicked poses on their way to the relay, as goals of the node's own action."""
 
 import pytest
+import rospy
+from geometry_msgs.msg import PoseStamped
 
-rospy = pytest.importorskip("rospy")
-pytest.importorskip("mbf_msgs.msg")
-
-from geometry_msgs.msg import PoseStamped  # noqa: E402
-
-from mbf_relay.ros.relay import node  # noqa: E402
+from mbf_relay.ros.relay import node
 
 
 class PaperTopic:

@@ -4,17 +4,14 @@ import threading
 import xmlrpc.client
 
 import pytest
+from dynamic_reconfigure.encoding import decode_config, encode_config
+from dynamic_reconfigure.srv import ReconfigureResponse
 from ros_testing import wait_until
 
-pytest.importorskip("dynamic_reconfigure.encoding")
-
-from dynamic_reconfigure.encoding import decode_config, encode_config  # noqa: E402
-from dynamic_reconfigure.srv import ReconfigureResponse  # noqa: E402
-
-from mbf_relay.navigation.move_base_parameters import MoveBaseParameters  # noqa: E402
-from mbf_relay.navigation.parameters import DYNAMIC, NavigatorParameters  # noqa: E402
-from mbf_relay.ros.relay import reconfigure as relay_reconfigure  # noqa: E402
-from mbf_relay.ros.relay.reconfigure import MoveBaseSettings, name_at_server, server_changes, wishes  # noqa: E402
+from mbf_relay.navigation.move_base_parameters import MoveBaseParameters
+from mbf_relay.navigation.parameters import DYNAMIC, NavigatorParameters
+from mbf_relay.ros.relay import reconfigure as relay_reconfigure
+from mbf_relay.ros.relay.reconfigure import MoveBaseSettings, name_at_server, server_changes, wishes
 
 PLUGINS = [{"name": "NavfnROS", "type": "navfn/NavfnROS"}, {"name": "other", "type": "global_planner/GlobalPlanner"}]
 

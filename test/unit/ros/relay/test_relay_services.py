@@ -1,16 +1,13 @@
 """~make_plan's requests and answers, and whom they are passed on to."""
 
 import pytest
+import rospy
+from geometry_msgs.msg import PoseStamped
+from nav_msgs.msg import Path
+from nav_msgs.srv import GetPlanRequest
 
-pytest.importorskip("mbf_msgs.msg")
-
-import rospy  # noqa: E402
-from geometry_msgs.msg import PoseStamped  # noqa: E402
-from nav_msgs.msg import Path  # noqa: E402
-from nav_msgs.srv import GetPlanRequest  # noqa: E402
-
-from mbf_relay.ros.relay.server_side import RemoteServer  # noqa: E402
-from mbf_relay.ros.relay.services import PLAN_SLOT, append_goal, path_goal  # noqa: E402
+from mbf_relay.ros.relay.server_side import RemoteServer
+from mbf_relay.ros.relay.services import PLAN_SLOT, append_goal, path_goal
 
 
 def pose(x, frame="map", w=1.0):

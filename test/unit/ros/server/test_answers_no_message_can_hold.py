@@ -7,21 +7,18 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-
-pytest.importorskip("mbf_msgs.msg", reason="needs the built package")
-
-from actionlib_msgs.msg import GoalID, GoalStatus  # noqa: E402
-from genpy import Time  # noqa: E402
-from geometry_msgs.msg import PoseStamped  # noqa: E402
-from mbf_msgs.msg import ExePathAction, ExePathGoal, ExePathResult, GetPathGoal, RecoveryGoal  # noqa: E402
+from actionlib_msgs.msg import GoalID, GoalStatus
+from genpy import Time
+from geometry_msgs.msg import PoseStamped
+from mbf_msgs.msg import ExePathAction, ExePathGoal, ExePathResult, GetPathGoal, RecoveryGoal
 
 sys.path.insert(0, str(File(__file__).resolve().parents[2] / "navigation"))
 
-import scripted  # noqa: E402
-from scripted_bench import Bench  # noqa: E402
+import scripted
+from scripted_bench import Bench
 
-from mbf_relay.geometry import STOP  # noqa: E402
-from mbf_relay.outcomes import (  # noqa: E402
+from mbf_relay.geometry import STOP
+from mbf_relay.outcomes import (
     ControlError,
     ControlOutcome,
     PlanningError,
@@ -29,10 +26,10 @@ from mbf_relay.outcomes import (  # noqa: E402
     RecoveryError,
     RecoveryOutcome,
 )
-from mbf_relay.planning.path import Path  # noqa: E402
-from mbf_relay.ros.common.actions.action_server import ActionServer  # noqa: E402
-from mbf_relay.ros.common.actions.goal_tracker import GoalTracker  # noqa: E402
-from mbf_relay.ros.server.actions import make_actions  # noqa: E402
+from mbf_relay.planning.path import Path
+from mbf_relay.ros.common.actions.action_server import ActionServer
+from mbf_relay.ros.common.actions.goal_tracker import GoalTracker
+from mbf_relay.ros.server.actions import make_actions
 
 POSES = np.zeros((2, 3))
 NO_LETTER = "no letter: caf\udce9.yaml"  # a file's name that is no UTF-8, as Python has it

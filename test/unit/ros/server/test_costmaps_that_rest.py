@@ -5,10 +5,8 @@ from types import SimpleNamespace
 
 import pytest
 
-pytest.importorskip("mbf_msgs.msg", reason="needs the built package")
-
-from mbf_relay.navigation.parameters import NavigatorParameters  # noqa: E402
-from mbf_relay.ros.server.costmap_rest import CostmapRest  # noqa: E402
+from mbf_relay.navigation.parameters import NavigatorParameters
+from mbf_relay.ros.server.costmap_rest import CostmapRest
 
 RESTFUL = NavigatorParameters(shutdown_costmaps=True, shutdown_costmaps_delay=5.0)
 

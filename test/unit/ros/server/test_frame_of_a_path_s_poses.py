@@ -1,14 +1,11 @@
 """In which frame a path is taken that a client sends to exe_path: Move Base Flex goes by its poses' own."""
 
 import pytest
+from geometry_msgs.msg import PoseStamped
+from mbf_msgs.msg import ExePathGoal
 
-pytest.importorskip("mbf_msgs.msg", reason="needs the built package")
-
-from geometry_msgs.msg import PoseStamped  # noqa: E402
-from mbf_msgs.msg import ExePathGoal  # noqa: E402
-
-from mbf_relay.outcomes import ControlError, ControlOutcome  # noqa: E402
-from mbf_relay.ros.server.messages import follow_goal  # noqa: E402
+from mbf_relay.outcomes import ControlError, ControlOutcome
+from mbf_relay.ros.server.messages import follow_goal
 
 
 def goal(frame, *frames):

@@ -5,21 +5,18 @@ import sys
 from pathlib import Path
 
 import pytest
-
-pytest.importorskip("mbf_msgs.msg", reason="needs the built package")
-
-from actionlib_msgs.msg import GoalID, GoalStatus  # noqa: E402
-from genpy import Time  # noqa: E402
-from geometry_msgs.msg import PoseStamped  # noqa: E402
-from mbf_msgs.msg import ExePathGoal, ExePathResult, GetPathGoal, GetPathResult, MoveBaseGoal, MoveBaseResult  # noqa: E402
+from actionlib_msgs.msg import GoalID, GoalStatus
+from genpy import Time
+from geometry_msgs.msg import PoseStamped
+from mbf_msgs.msg import ExePathGoal, ExePathResult, GetPathGoal, GetPathResult, MoveBaseGoal, MoveBaseResult
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "navigation"))
 
-import scripted  # noqa: E402
-from scripted_bench import Bench  # noqa: E402
+import scripted
+from scripted_bench import Bench
 
-from mbf_relay.ros.common.actions.goal_tracker import GoalTracker  # noqa: E402
-from mbf_relay.ros.server.actions import BEGUN_PER_STEP, make_actions  # noqa: E402
+from mbf_relay.ros.common.actions.goal_tracker import GoalTracker
+from mbf_relay.ros.server.actions import BEGUN_PER_STEP, make_actions
 
 
 class Lonely:

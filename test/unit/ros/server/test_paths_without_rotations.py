@@ -3,14 +3,11 @@
 import math
 
 import pytest
+from geometry_msgs.msg import Point, Pose, PoseStamped, Quaternion
+from mbf_msgs.msg import ExePathGoal
 
-pytest.importorskip("mbf_msgs.msg", reason="needs the built package")
-
-from geometry_msgs.msg import Point, Pose, PoseStamped, Quaternion  # noqa: E402
-from mbf_msgs.msg import ExePathGoal  # noqa: E402
-
-from mbf_relay.outcomes import ControlError, ControlOutcome  # noqa: E402
-from mbf_relay.ros.server.messages import follow_goal  # noqa: E402
+from mbf_relay.outcomes import ControlError, ControlOutcome
+from mbf_relay.ros.server.messages import follow_goal
 
 UNSET, TURNED = Quaternion(), Quaternion(0.0, 0.0, math.sin(0.5), math.cos(0.5))
 

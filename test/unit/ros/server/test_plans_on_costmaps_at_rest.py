@@ -4,22 +4,19 @@ import sys
 from pathlib import Path
 
 import pytest
-
-rospy = pytest.importorskip("rospy", reason="there is no ROS for this interpreter")
-pytest.importorskip("mbf_msgs.msg", reason="needs the built package")
-
-from geometry_msgs.msg import PoseStamped  # noqa: E402
-from nav_msgs.srv import GetPlanRequest  # noqa: E402
+import rospy
+from geometry_msgs.msg import PoseStamped
+from nav_msgs.srv import GetPlanRequest
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "navigation"))
 
-import scripted  # noqa: E402
-from scripted_bench import Bench  # noqa: E402
+import scripted
+from scripted_bench import Bench
 
-from mbf_relay.outcomes import PlanningError, PlanOutcome  # noqa: E402
-from mbf_relay.ros.server import plan_services  # noqa: E402
-from mbf_relay.ros.server.costmap_rest import CostmapRest  # noqa: E402
-from mbf_relay.ros.server.costmap_services import CostmapServices  # noqa: E402
+from mbf_relay.outcomes import PlanningError, PlanOutcome
+from mbf_relay.ros.server import plan_services
+from mbf_relay.ros.server.costmap_rest import CostmapRest
+from mbf_relay.ros.server.costmap_services import CostmapServices
 
 
 class RestingNode:

@@ -2,17 +2,15 @@
 
 import numpy as np
 import pytest
+import rospy
+from geometry_msgs.msg import PointStamped
+from mbf_msgs import srv
+from std_srvs.srv import EmptyRequest
 
-rospy = pytest.importorskip("rospy", reason="there is no ROS for this interpreter")
-srv = pytest.importorskip("mbf_msgs.srv", reason="needs the built package")
-
-from geometry_msgs.msg import PointStamped  # noqa: E402
-from std_srvs.srv import EmptyRequest  # noqa: E402
-
-from mbf_relay.costmap.factory import build_costmap  # noqa: E402
-from mbf_relay.geometry import IDENTITY, Pose2D  # noqa: E402
-from mbf_relay.maps import OCCUPIED, OccupancyMap  # noqa: E402
-from mbf_relay.ros.server import costmap_services  # noqa: E402
+from mbf_relay.costmap.factory import build_costmap
+from mbf_relay.geometry import IDENTITY, Pose2D
+from mbf_relay.maps import OCCUPIED, OccupancyMap
+from mbf_relay.ros.server import costmap_services
 
 LOCAL, GLOBAL = 1, 2
 FREE, LETHAL = 0, 2

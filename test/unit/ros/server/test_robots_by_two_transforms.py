@@ -1,17 +1,14 @@
 """A transform that another node keeps alive is no sign that the robot stands."""
 
 import pytest
+import rospy
+from geometry_msgs.msg import TransformStamped
+from nav_msgs.msg import Odometry
+from ros_testing import as_received
 
-pytest.importorskip("mbf_msgs", reason="needs the built package")
-
-import rospy  # noqa: E402
-from geometry_msgs.msg import TransformStamped  # noqa: E402
-from nav_msgs.msg import Odometry  # noqa: E402
-from ros_testing import as_received  # noqa: E402
-
-from mbf_relay.outcomes import StaleDataError  # noqa: E402
-from mbf_relay.ros.common.odometry import RawOdometry  # noqa: E402
-from mbf_relay.ros.server.robot import RosRobot  # noqa: E402
+from mbf_relay.outcomes import StaleDataError
+from mbf_relay.ros.common.odometry import RawOdometry
+from mbf_relay.ros.server.robot import RosRobot
 
 
 class Broadcast:

@@ -3,16 +3,13 @@
 from types import SimpleNamespace
 
 import pytest
+import rospy
+from geometry_msgs.msg import TransformStamped
 
-pytest.importorskip("mbf_msgs", reason="needs the built package")
-
-import rospy  # noqa: E402
-from geometry_msgs.msg import TransformStamped  # noqa: E402
-
-from mbf_relay.geometry import STOP, Twist2D  # noqa: E402
-from mbf_relay.outcomes import StaleDataError  # noqa: E402
-from mbf_relay.ros.common.odometry import OdometryInput  # noqa: E402
-from mbf_relay.ros.server.robot import RosRobot  # noqa: E402
+from mbf_relay.geometry import STOP, Twist2D
+from mbf_relay.outcomes import StaleDataError
+from mbf_relay.ros.common.odometry import OdometryInput
+from mbf_relay.ros.server.robot import RosRobot
 
 
 @pytest.fixture

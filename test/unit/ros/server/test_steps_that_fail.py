@@ -6,11 +6,9 @@ from types import SimpleNamespace
 
 import pytest
 
-pytest.importorskip("mbf_msgs", reason="needs the built package")
-
-from mbf_relay.geometry import STOP  # noqa: E402
-from mbf_relay.ros.server import node  # noqa: E402
-from mbf_relay.ros.server.node import MoveBaseFlex  # noqa: E402
+from mbf_relay.geometry import STOP
+from mbf_relay.ros.server import node
+from mbf_relay.ros.server.node import MoveBaseFlex
 
 
 class PaperServer(MoveBaseFlex):

@@ -6,16 +6,13 @@ from types import SimpleNamespace
 
 import pytest
 import rospy
+from std_msgs.msg import String
 
-pytest.importorskip("mbf_msgs", reason="needs the built package")
-
-from std_msgs.msg import String  # noqa: E402
-
-from mbf_relay.control.steering import Steering  # noqa: E402
-from mbf_relay.control.velocity_guard import OBSTACLE, PASSING, VelocityGuard, _slowed  # noqa: E402
-from mbf_relay.control.velocity_guard_parameters import VelocityGuardParameters  # noqa: E402
-from mbf_relay.geometry import STOP, Twist2D  # noqa: E402
-from mbf_relay.ros.server.robot import OBJECTS, PASSES, RosRobot, _Wheels  # noqa: E402
+from mbf_relay.control.steering import Steering
+from mbf_relay.control.velocity_guard import OBSTACLE, PASSING, VelocityGuard, _slowed
+from mbf_relay.control.velocity_guard_parameters import VelocityGuardParameters
+from mbf_relay.geometry import STOP, Twist2D
+from mbf_relay.ros.server.robot import OBJECTS, PASSES, RosRobot, _Wheels
 
 FORWARD = Twist2D(0.2, 0.0, 0.0)
 

@@ -1,12 +1,9 @@
 """A simulation that keeps to another one's clock."""
 
 import pytest
+from rosgraph_msgs.msg import Clock
 
-pytest.importorskip("rospy")
-
-from rosgraph_msgs.msg import Clock  # noqa: E402
-
-from mbf_relay.ros.simulator import neighbours  # noqa: E402
+from mbf_relay.ros.simulator import neighbours
 
 
 class Follower:

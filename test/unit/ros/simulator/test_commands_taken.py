@@ -4,7 +4,6 @@ import math
 
 import pytest
 
-pytest.importorskip("mbf_msgs", reason="needs the built package")
 pytest.importorskip("pybullet")
 
 from geometry_msgs.msg import Twist, Vector3  # noqa: E402

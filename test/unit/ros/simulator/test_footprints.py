@@ -2,13 +2,11 @@
 
 import pytest
 
-pytest.importorskip("rospy")
-
-from mbf_relay import files  # noqa: E402
-from mbf_relay.lockstep.settings import load_settings  # noqa: E402
-from mbf_relay.ros.simulator.footprints import drivers, too_small_footprints  # noqa: E402
-from mbf_relay.ros.tools.robot_parameters import parameters_for  # noqa: E402
-from mbf_relay.simulation.robot_file import load_robot  # noqa: E402
+from mbf_relay import files
+from mbf_relay.lockstep.settings import load_settings
+from mbf_relay.ros.simulator.footprints import drivers, too_small_footprints
+from mbf_relay.ros.tools.robot_parameters import parameters_for
+from mbf_relay.simulation.robot_file import load_robot
 
 BURGERS = {"/move_base_flex": load_settings(files.config_folder())["move_base_flex"]}
 WAFFLES = [[-0.205, -0.155], [-0.205, 0.155], [0.077, 0.155], [0.077, -0.155]]

@@ -5,7 +5,6 @@ from types import SimpleNamespace
 
 import pytest
 
-pytest.importorskip("visualization_msgs")
 pytest.importorskip("pybullet")
 
 from std_msgs.msg import Header  # noqa: E402

@@ -5,13 +5,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-pytest.importorskip("mbf_msgs", reason="needs the built package")
-
-from mbf_relay.ros.simulator import messages, topics  # noqa: E402
-from mbf_relay.simulation.contacts import Contact  # noqa: E402
-from mbf_relay.simulation.imu import ImuReading  # noqa: E402
-from mbf_relay.simulation.node_parameters import SimulatorParameters  # noqa: E402
-from mbf_relay.simulation.observations import JointReading, Observations  # noqa: E402
+from mbf_relay.ros.simulator import messages, topics
+from mbf_relay.simulation.contacts import Contact
+from mbf_relay.simulation.imu import ImuReading
+from mbf_relay.simulation.node_parameters import SimulatorParameters
+from mbf_relay.simulation.observations import JointReading, Observations
 
 SEEN = Observations(
     imu=ImuReading(1.0, (0.0, 0.0, 0.0, 1.0), np.zeros(3), np.zeros(3), 0.01, 0.1),

@@ -4,18 +4,15 @@ import math
 
 import numpy as np
 import pytest
+import rosbag
+import rospy
+from geometry_msgs.msg import Transform, TransformStamped
+from sensor_msgs.msg import LaserScan
+from std_msgs.msg import Header
+from tf2_msgs.msg import TFMessage
 
-pytest.importorskip("mbf_msgs", reason="needs the built package")
-
-import rosbag  # noqa: E402
-import rospy  # noqa: E402
-from geometry_msgs.msg import Transform, TransformStamped  # noqa: E402
-from sensor_msgs.msg import LaserScan  # noqa: E402
-from std_msgs.msg import Header  # noqa: E402
-from tf2_msgs.msg import TFMessage  # noqa: E402
-
-from mbf_relay.localization.logs import load_log  # noqa: E402
-from mbf_relay.ros.tools.bag_to_log import main  # noqa: E402
+from mbf_relay.localization.logs import load_log
+from mbf_relay.ros.tools.bag_to_log import main
 
 
 def transform(parent, child, stamp):

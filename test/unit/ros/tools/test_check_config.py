@@ -5,11 +5,9 @@ from pathlib import Path
 
 import pytest
 
-pytest.importorskip("roslaunch", reason="there is no roslaunch for this interpreter")
-
-from mbf_relay.costmap.outline import parse_footprint, radii  # noqa: E402
-from mbf_relay.costmap.outline_checks import first_crossing  # noqa: E402
-from mbf_relay.ros.tools.check_config import main  # noqa: E402
+from mbf_relay.costmap.outline import parse_footprint, radii
+from mbf_relay.costmap.outline_checks import first_crossing
+from mbf_relay.ros.tools.check_config import main
 
 REPOSITORY = Path(__file__).resolve().parents[4]
 GOOD = """

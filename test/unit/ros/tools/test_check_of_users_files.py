@@ -3,13 +3,10 @@
 import io
 
 import pytest
+from roslaunch.config import load_config_default
 
-pytest.importorskip("roslaunch", reason="there is no roslaunch for this interpreter")
-
-from roslaunch.config import load_config_default  # noqa: E402
-
-from mbf_relay.ros.tools.check_config import main  # noqa: E402
-from mbf_relay.ros.tools.parameter_source import ParameterSource, read_launch  # noqa: E402
+from mbf_relay.ros.tools.check_config import main
+from mbf_relay.ros.tools.parameter_source import ParameterSource, read_launch
 
 COSTMAPS = """
 local_costmap: {robot_radius: 0.2, rolling_window: true, observation_sources: scan, scan: {topic: scan}}

@@ -6,12 +6,9 @@ import subprocess
 import sys
 
 import pytest
+from ros_testing import wait_until
 
-pytest.importorskip("rospy")
-
-from ros_testing import wait_until  # noqa: E402
-
-from mbf_relay.ros.tools.demo import parse, versions  # noqa: E402
+from mbf_relay.ros.tools.demo import parse, versions
 
 PARENT_THAT_DIES = """
 import os, subprocess, sys

@@ -6,8 +6,6 @@ from pathlib import Path
 
 import pytest
 
-pytest.importorskip("mbf_msgs", reason="needs the built package")
-
 from mbf_relay.ros.tools import parameter_tables
 
 ROOT = Path(__file__).resolve().parents[4]

@@ -2,12 +2,8 @@
 
 from pathlib import Path
 
-import pytest
-
-pytest.importorskip("rospy", reason="rospy is not there for this interpreter")
-
-from mbf_relay.ros.tools.robot_parameters import parameters_for  # noqa: E402
-from mbf_relay.simulation.robot_file import load_robot  # noqa: E402
+from mbf_relay.ros.tools.robot_parameters import parameters_for
+from mbf_relay.simulation.robot_file import load_robot
 
 URDF = Path(__file__).resolve().parents[3] / "launch_files" / "box_on_wheels.urdf"
 

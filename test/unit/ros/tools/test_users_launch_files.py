@@ -8,13 +8,12 @@ import pytest
 TEST = Path(__file__).resolve().parents[3]
 sys.path.insert(0, str(TEST))
 
-roslaunch = pytest.importorskip("roslaunch", reason="roslaunch is not there for this interpreter")
-import users_launch_files  # noqa: E402
-from roslaunch.config import load_config_default  # noqa: E402
+import users_launch_files
+from roslaunch.config import load_config_default
 
-from mbf_relay.navigation.examination import DOUBTFUL, IGNORED, REFUSED  # noqa: E402
-from mbf_relay.ros.tools.check_config import examine  # noqa: E402
-from mbf_relay.ros.tools.parameter_source import LaunchedNode, ParameterSource, read_launch  # noqa: E402
+from mbf_relay.navigation.examination import DOUBTFUL, IGNORED, REFUSED
+from mbf_relay.ros.tools.check_config import examine
+from mbf_relay.ros.tools.parameter_source import LaunchedNode, ParameterSource, read_launch
 
 ROOT = TEST.parent
 MAP = str(ROOT / "config" / "maps" / "turtlebot3_world.yaml")

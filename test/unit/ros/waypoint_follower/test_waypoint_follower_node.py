@@ -4,16 +4,13 @@ import threading
 from types import SimpleNamespace
 
 import pytest
+from actionlib_msgs.msg import GoalID, GoalStatus
+from geometry_msgs.msg import PoseStamped
 
-pytest.importorskip("mbf_msgs", reason="needs the built package")
-
-from actionlib_msgs.msg import GoalID, GoalStatus  # noqa: E402
-from geometry_msgs.msg import PoseStamped  # noqa: E402
-
-from mbf_relay.msg import FollowWaypointsGoal  # noqa: E402
-from mbf_relay.navigation.waypoints import WaypointFollowerParameters  # noqa: E402
-from mbf_relay.ros.common.actions.client_goals import ActionEnding  # noqa: E402
-from mbf_relay.ros.waypoint_follower import node as waypoint_follower  # noqa: E402
+from mbf_relay.msg import FollowWaypointsGoal
+from mbf_relay.navigation.waypoints import WaypointFollowerParameters
+from mbf_relay.ros.common.actions.client_goals import ActionEnding
+from mbf_relay.ros.waypoint_follower import node as waypoint_follower
 
 
 class PaperGoal:

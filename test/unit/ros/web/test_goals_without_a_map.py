@@ -4,12 +4,10 @@ from types import SimpleNamespace
 
 import pytest
 
-pytest.importorskip("mbf_msgs", reason="needs the built package")
-
-from mbf_relay.geometry import Pose2D  # noqa: E402
-from mbf_relay.ros.web.robot import ViewedRobot  # noqa: E402
-from mbf_relay.view.parameters import WebViewParameters  # noqa: E402
-from mbf_relay.view.wishes import Refused, Wish  # noqa: E402
+from mbf_relay.geometry import Pose2D
+from mbf_relay.ros.web.robot import ViewedRobot
+from mbf_relay.view.parameters import WebViewParameters
+from mbf_relay.view.wishes import Refused, Wish
 
 
 def robot(has_map, pose):

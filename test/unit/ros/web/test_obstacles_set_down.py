@@ -3,13 +3,10 @@
 from types import SimpleNamespace
 
 import pytest
+from visualization_msgs.msg import Marker, MarkerArray
 
-pytest.importorskip("mbf_msgs", reason="needs the built package")
-
-from visualization_msgs.msg import Marker, MarkerArray  # noqa: E402
-
-from mbf_relay.ros.web import readers  # noqa: E402
-from mbf_relay.ros.web.hands import Hands  # noqa: E402
+from mbf_relay.ros.web import readers
+from mbf_relay.ros.web.hands import Hands
 
 
 class World:

@@ -7,7 +7,6 @@ import urllib.request
 
 import pytest
 
-pytest.importorskip("rospy", reason="needs ROS")
 pytest.importorskip("tornado")
 
 import tornado.netutil  # noqa: E402

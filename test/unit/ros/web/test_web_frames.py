@@ -4,15 +4,12 @@ import threading
 from types import SimpleNamespace
 
 import pytest
+import rospy
+from geometry_msgs.msg import TransformStamped
+from tf2_msgs.msg import TFMessage
 
-pytest.importorskip("tf2_msgs.msg", reason="needs ROS's messages")
-
-import rospy  # noqa: E402
-from geometry_msgs.msg import TransformStamped  # noqa: E402
-from tf2_msgs.msg import TFMessage  # noqa: E402
-
-from mbf_relay.ros.common import tf_core  # noqa: E402
-from mbf_relay.ros.web import frames as web_frames  # noqa: E402
+from mbf_relay.ros.common import tf_core
+from mbf_relay.ros.web import frames as web_frames
 
 
 @pytest.fixture

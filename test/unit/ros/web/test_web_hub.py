@@ -4,7 +4,6 @@ import asyncio
 
 import pytest
 
-pytest.importorskip("rospy", reason="needs ROS")
 pytest.importorskip("tornado")
 
 from mbf_relay.ros.web import hub as hub_module  # noqa: E402

@@ -4,21 +4,18 @@ import io
 from types import SimpleNamespace
 
 import pytest
+from actionlib_msgs.msg import GoalID, GoalStatus, GoalStatusArray
+from geometry_msgs.msg import PoseStamped
+from mbf_msgs.msg import MoveBaseActionResult
 
-pytest.importorskip("mbf_msgs", reason="needs the built package")
-
-from actionlib_msgs.msg import GoalID, GoalStatus, GoalStatusArray  # noqa: E402
-from geometry_msgs.msg import PoseStamped  # noqa: E402
-from mbf_msgs.msg import MoveBaseActionResult  # noqa: E402
-
-from mbf_relay.geometry import IDENTITY, Pose2D  # noqa: E402
-from mbf_relay.ros.common.unread import unread  # noqa: E402
-from mbf_relay.ros.web.hands import Hands  # noqa: E402
-from mbf_relay.ros.web.inbox import Inbox  # noqa: E402
-from mbf_relay.ros.web.robot import ViewedRobot  # noqa: E402
-from mbf_relay.ros.web.robot_view import RobotView  # noqa: E402
-from mbf_relay.view.parameters import WebViewParameters  # noqa: E402
-from mbf_relay.view.wishes import Wish  # noqa: E402
+from mbf_relay.geometry import IDENTITY, Pose2D
+from mbf_relay.ros.common.unread import unread
+from mbf_relay.ros.web.hands import Hands
+from mbf_relay.ros.web.inbox import Inbox
+from mbf_relay.ros.web.robot import ViewedRobot
+from mbf_relay.ros.web.robot_view import RobotView
+from mbf_relay.view.parameters import WebViewParameters
+from mbf_relay.view.wishes import Wish
 
 
 def viewed():

@@ -8,12 +8,9 @@ import os
 import threading
 
 import pytest
+from web_page import WebPage, missing
 
-pytest.importorskip("rospy", reason="needs ROS")
-
-from web_page import WebPage, missing  # noqa: E402
-
-import mbf_relay.ros.web  # noqa: E402
+import mbf_relay.ros.web
 
 pytestmark = pytest.mark.skipif(bool(missing()), reason=missing())
 

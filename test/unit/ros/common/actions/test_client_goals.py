@@ -4,20 +4,17 @@ import gc
 import weakref
 
 import pytest
-
-pytest.importorskip("mbf_msgs.msg")
-
-from actionlib_msgs.msg import GoalID, GoalStatus, GoalStatusArray  # noqa: E402
-from genpy import Time  # noqa: E402
-from move_base_msgs.msg import (  # noqa: E402
+from actionlib_msgs.msg import GoalID, GoalStatus, GoalStatusArray
+from genpy import Time
+from move_base_msgs.msg import (
     MoveBaseActionFeedback,
     MoveBaseActionGoal,
     MoveBaseActionResult,
     MoveBaseGoal,
 )
 
-from mbf_relay.ros.common.actions.client_goals import RESEND_AFTER, ClientGoals  # noqa: E402
-from mbf_relay.ros.relay.relay import RelayParameters  # noqa: E402
+from mbf_relay.ros.common.actions.client_goals import RESEND_AFTER, ClientGoals
+from mbf_relay.ros.relay.relay import RelayParameters
 
 
 class Links:

@@ -5,21 +5,17 @@ import copy
 import tracemalloc
 import unittest.mock
 
-import pytest
+import actionlib.action_client as stock
+from actionlib_msgs.msg import GoalID, GoalStatusArray
+from genpy import Time
+from hypothesis import settings
+from hypothesis import strategies as st
+from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, rule
+from move_base_msgs.msg import MoveBaseActionGoal, MoveBaseActionResult
+from tracked_goals import Server
 
-pytest.importorskip("mbf_msgs.msg")
-
-import actionlib.action_client as stock  # noqa: E402
-from actionlib_msgs.msg import GoalID, GoalStatusArray  # noqa: E402
-from genpy import Time  # noqa: E402
-from hypothesis import settings  # noqa: E402
-from hypothesis import strategies as st  # noqa: E402
-from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, rule  # noqa: E402
-from move_base_msgs.msg import MoveBaseActionGoal, MoveBaseActionResult  # noqa: E402
-from tracked_goals import Server  # noqa: E402
-
-from mbf_relay.ros.common.actions import goal_lease  # noqa: E402
-from mbf_relay.ros.common.actions.goal_tracker import (  # noqa: E402
+from mbf_relay.ros.common.actions import goal_lease
+from mbf_relay.ros.common.actions.goal_tracker import (
     ACTIVE,
     LIST_AT_MOST,
     LIST_FOR,

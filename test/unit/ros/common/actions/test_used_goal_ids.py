@@ -1,13 +1,10 @@
 """Goals by an id that one had before, which are not taken."""
 
 import pytest
+from tracked_goals import Server
 
-pytest.importorskip("actionlib_msgs", reason="there is no ROS for this interpreter")
-
-from tracked_goals import Server  # noqa: E402
-
-from mbf_relay.ros.common.actions import goal_lease  # noqa: E402
-from mbf_relay.ros.common.actions.goal_tracker import LIST_FOR  # noqa: E402
+from mbf_relay.ros.common.actions import goal_lease
+from mbf_relay.ros.common.actions.goal_tracker import LIST_FOR
 
 
 @pytest.mark.parametrize("seconds", [1.0, LIST_FOR + 1.0])

@@ -9,22 +9,19 @@ from types import SimpleNamespace
 from xmlrpc.client import ServerProxy
 
 import pytest
-
-pytest.importorskip("rospy", reason="needs ROS")
-
-from ros_testing import wait_until  # noqa: E402
-from rosgraph.network import ROSHandshakeException, read_ros_handshake_header  # noqa: E402
-from rosgraph.xmlrpc import (  # noqa: E402
+from ros_testing import wait_until
+from rosgraph.network import ROSHandshakeException, read_ros_handshake_header
+from rosgraph.xmlrpc import (
     SilenceableXMLRPCRequestHandler,
     ThreadingXMLRPCServer,
     XmlRpcNode,
 )
-from rospy.impl import tcpros_service  # noqa: E402
-from rospy.impl.tcpros_base import TCPROSServer, TCPROSTransport, TCPServer  # noqa: E402
-from rospy.impl.tcpros_service import ServiceImpl, TCPService  # noqa: E402
-from std_srvs.srv import Trigger, TriggerRequest, TriggerResponse  # noqa: E402
+from rospy.impl import tcpros_service
+from rospy.impl.tcpros_base import TCPROSServer, TCPROSTransport, TCPServer
+from rospy.impl.tcpros_service import ServiceImpl, TCPService
+from std_srvs.srv import Trigger, TriggerRequest, TriggerResponse
 
-from mbf_relay.ros.common.rospy_patches import accepting  # noqa: E402
+from mbf_relay.ros.common.rospy_patches import accepting
 
 
 def words(**fields):

@@ -7,14 +7,11 @@ import threading
 from types import SimpleNamespace
 
 import pytest
+from rosgraph.network import read_ros_handshake_header, write_ros_handshake_header
+from rospy.impl import tcpros_base, tcpros_pubsub
+from std_msgs.msg import String
 
-pytest.importorskip("rospy", reason="needs ROS")
-
-from rosgraph.network import read_ros_handshake_header, write_ros_handshake_header  # noqa: E402
-from rospy.impl import tcpros_base, tcpros_pubsub  # noqa: E402
-from std_msgs.msg import String  # noqa: E402
-
-from mbf_relay.ros.common.rospy_patches import connecting  # noqa: E402
+from mbf_relay.ros.common.rospy_patches import connecting
 
 
 def test_a_goal_sent_on_the_first_connection_is_not_lost_to_a_second(monkeypatch):

@@ -5,8 +5,6 @@ import sys
 
 import pytest
 
-pytest.importorskip("sensor_msgs")
-
 PREPARE = (
     "import importlib, sys; from mbf_relay.ros.common.rospy_patches.lazy_modules import *; import_lazily(); "
 )

@@ -6,19 +6,16 @@ import struct
 import threading
 
 import pytest
+import rospy
+from actionlib_msgs.msg import GoalID
+from rosgraph_msgs.msg import Clock
+from rospy.exceptions import TransportException, TransportTerminated
+from rospy.impl.tcpros_base import TCPROSTransport
+from rospy.impl.tcpros_pubsub import TCPROSSub
+from rospy.impl.tcpros_service import TCPROSServiceClient
+from std_srvs.srv import Trigger
 
-pytest.importorskip("rospy")
-
-import rospy  # noqa: E402
-from actionlib_msgs.msg import GoalID  # noqa: E402
-from rosgraph_msgs.msg import Clock  # noqa: E402
-from rospy.exceptions import TransportException, TransportTerminated  # noqa: E402
-from rospy.impl.tcpros_base import TCPROSTransport  # noqa: E402
-from rospy.impl.tcpros_pubsub import TCPROSSub  # noqa: E402
-from rospy.impl.tcpros_service import TCPROSServiceClient  # noqa: E402
-from std_srvs.srv import Trigger  # noqa: E402
-
-from mbf_relay.ros.common.rospy_patches import receiving  # noqa: E402
+from mbf_relay.ros.common.rospy_patches import receiving
 
 
 class Connection:

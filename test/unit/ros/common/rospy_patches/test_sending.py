@@ -5,18 +5,15 @@ import struct
 import threading
 from types import SimpleNamespace
 
+import genpy
 import pytest
+import rospy.topics
+from geometry_msgs.msg import Twist, Vector3
+from ros_testing import wait_until
+from rospy.exceptions import TransportTerminated
+from rospy.impl.tcpros_base import TCPROSTransport, TCPROSTransportProtocol
 
-pytest.importorskip("rospy")
-
-import genpy  # noqa: E402
-import rospy.topics  # noqa: E402
-from geometry_msgs.msg import Twist, Vector3  # noqa: E402
-from ros_testing import wait_until  # noqa: E402
-from rospy.exceptions import TransportTerminated  # noqa: E402
-from rospy.impl.tcpros_base import TCPROSTransport, TCPROSTransportProtocol  # noqa: E402
-
-from mbf_relay.ros.common.rospy_patches import sending  # noqa: E402
+from mbf_relay.ros.common.rospy_patches import sending
 
 SIZES = (sending.SMALL, 7, sending.SMALL + 1, 30, 200_000, 12)
 

@@ -3,12 +3,10 @@
 import os
 
 import pytest
+import rospkg
+from rospy.impl.statistics import SubscriberStatisticsLogger
 
-rospkg = pytest.importorskip("rospkg", reason="needs ROS")
-
-from rospy.impl.statistics import SubscriberStatisticsLogger  # noqa: E402
-
-from mbf_relay.ros.common.rospy_patches import starting  # noqa: E402
+from mbf_relay.ros.common.rospy_patches import starting
 
 
 @pytest.fixture(autouse=True)
