@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from typing import Iterator
 
@@ -75,9 +76,10 @@ def _scan(rng: np.random.Generator, step: int) -> LaserScan:
     angles = 2.0 * math.pi * np.arange(BEAMS) / BEAMS
     ranges = 1.2 + 0.6 * np.sin(3.0 * angles + 0.1 * step) + rng.normal(0.0, 0.01, BEAMS)
     ranges[rng.random(BEAMS) < 0.1] = np.inf
-    return LaserScan(ranges, 0.0, 2.0 * math.pi / BEAMS, 0.12, 3.5, 0.1 * step)
+    return LaserScan(ranges, 0.0, 2.0 * math.pi / BEAMS, 0.12, 3.5, 0.0)
 
 
 def _observe(costmap: Costmap, scan: LaserScan, pose: Pose2D, now: float) -> None:
+    scan = dataclasses.replace(scan, stamp=now)  # of an old one nothing is tracked
     costmap.observe("scan", observation_from_scan(scan, pose), now)
     costmap.update(now, pose)
