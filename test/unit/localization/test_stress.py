@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 from benchmark.synthetic_drives import Rough, make_drive
 
+from mbf_relay.localization.parameters import LocalizerParameters
+from mbf_relay.localization.replay import errors, replay
 from mbf_relay.localization.stress import Stress, parse_stress, spoil, stressed
-from mbf_relay.localization.trials import Trial, summarize_trials, table
+from mbf_relay.localization.trials import LogTask, Trial, run, summarize_trials, table
 
 
 @pytest.fixture(scope="module")
@@ -83,3 +85,12 @@ def test_no_share_s_interval_leaves_0_to_1_and_none_lost_of_three_is_no_proof():
     for row in (some, found):
         assert all(0.0 <= row[name].low <= row[name].value <= row[name].high <= 1.0 for name in ("right", "lost"))
     assert found["lost"].value == 0.0 and found["lost"].high > 0.4
+
+
+def test_the_trial_of_a_seed_as_recorded_is_the_replay_of_that_seed(made):
+    """Whoever replayed the seed that was lost, to see where, saw another drive."""
+    task = LogTask("drive.npz", made.log, made.occupancy, None, np.diag([0.25, 0.25, 0.07]))
+    trial = next(run(task, LocalizerParameters(), [Stress()], [3]))
+    result = replay(
+        made.log, made.occupancy, LocalizerParameters(), np.random.default_rng(3), task.start, task.covariance)
+    assert trial.figures["median"] == np.median(errors(result.poses, made.log.reference)["translation"])
