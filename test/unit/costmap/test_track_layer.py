@@ -267,6 +267,13 @@ def test_a_lidar_whose_beams_lapse_sees_nobody_where_all_stands_and_wheels_slip(
     assert seen == 0
 
 
+def test_no_wall_stands_where_the_beams_of_a_lidar_end_without_a_hit():
+    costmap, seen = costmap_of(mark_movers=False), scan([], 10.0)
+    costmap.observe("scan", dataclasses.replace(seen, points=0.5 * seen.points), 10.0)
+    costmap.update(10.0, Pose2D(0.0, 0.0, 0.0))
+    assert not (costmap.snapshot().costs == LETHAL).any()
+
+
 def test_who_has_gone_leaves_no_space_kept_free_where_the_window_moved_meanwhile():
     costmap = build_costmap("local_costmap", {
         "global_frame": "odom", "rolling_window": True, "width": 6.0, "height": 6.0, "resolution": 0.05,
