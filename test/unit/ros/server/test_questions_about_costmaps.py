@@ -8,6 +8,7 @@ from mbf_msgs import srv
 from std_srvs.srv import EmptyRequest
 
 from mbf_relay.costmap.factory import build_costmap
+from mbf_relay.costmap.observation import Observation
 from mbf_relay.geometry import IDENTITY, Pose2D
 from mbf_relay.maps import OCCUPIED, OccupancyMap
 from mbf_relay.ros.server import costmap_services
@@ -52,6 +53,7 @@ def ask(monkeypatch, nodes):
         return handlers["~check_point_cost"](srv.CheckPointRequest(point=point, costmap=costmap)).state
 
     state.update = lambda: handlers["~update_costmaps"](EmptyRequest())
+    state.clear = lambda: handlers["~clear_costmaps"](EmptyRequest())
     state.kept = services
     return state
 
@@ -81,3 +83,19 @@ def test_what_was_seen_long_ago_is_no_answer(nodes, ask, monkeypatch):
     monkeypatch.setattr(rospy, "get_time", lambda: 70.0)
     with pytest.raises(rospy.ServiceException, match="last updated 60"):
         ask(LOCAL)
+
+
+def test_what_was_seen_and_has_gone_is_in_neither_costmap_that_is_told_to_clear(nodes, ask):
+    seen = {"footprint_clearing_enabled": False, "observation_sources": "scan", "scan": {"marking": True}}
+    for side, frame in (("local", "odom"), ("global", "map")):
+        nodes[side].costmap = costmap = build_costmap(f"{side}_costmap", {
+            "global_frame": frame, "robot_radius": 0.1, "width": 4.0, "height": 4.0,
+            "plugins": [{"name": "seen", "type": "costmap_2d::ObstacleLayer"}], "seen": seen})
+        for y in (0.0, 1.0):
+            costmap.observe("scan", Observation((1.0, 0.0), np.array([(0.0, y)]), np.array([True]), 10.0), 10.0)
+            costmap.update(10.0, IDENTITY)
+    assert (ask(LOCAL), ask(GLOBAL)) == (LETHAL, LETHAL)
+    ask.clear()
+    for node in nodes.values():
+        node.resume()
+    assert (ask(LOCAL), ask(GLOBAL)) == (FREE, FREE)
