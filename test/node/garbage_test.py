@@ -152,15 +152,6 @@ class GarbageTest(unittest.TestCase):
                 self.clouds.publish(header(PointCloud2(), "base", stamp))
             self.goes_on()
 
-    def test_a_robot_does_not_believe_a_pose_of_the_future(self):
-        count = len(self.velocity.messages)
-        for ahead in (1000.0, 5.0):
-            self.tf.publish(transform("odom", "base", rospy.get_rostime() + rospy.Duration(ahead), x=-50.0))
-            self.goes_on()
-        self.assertFalse(
-            any(m.linear.x < 0.0 for m in self.velocity.messages[count:]), "it turned back for a pose 5 s ahead"
-        )
-
     def test_transforms_without_sense_change_nothing(self):
         for wrong in (
             transform("odom", "base", x=math.nan),
