@@ -129,8 +129,14 @@ class TestAmcl(unittest.TestCase):
 
     def test_the_transform_is_dated_ahead_at_every_scan_and_goes_on_without(self):
         self.start_at(self.robot.pose)
-        count = len(self.map_to_odom())
-        wait_until(lambda: len(self.map_to_odom()) > count + 5, "map -> odom at scans while standing")
+        scans, tolerance = Listener("scan", LaserScan), rospy.Duration(0.1)
+
+        def dated_ahead():
+            stamps = {scan.header.stamp + tolerance for scan in scans.messages}
+            return sum(t.header.stamp in stamps for t in self.map_to_odom()) > 5
+
+        wait_until(dated_ahead, "map -> odom dated ahead of scans while standing")
+        scans.close()
         self.assertEqual(self.map_to_odom()[-1].header.frame_id, "map")
         self.robot.scanning = False
         silent = rospy.get_rostime() + rospy.Duration(1.0)
