@@ -42,7 +42,7 @@ class EpisodeResult:
         message: Reason of the outcome, for people.
         goals_reached, goals: Number of goals reached, and of all.
         contacts: How often the robot came into contact with anything but the ground.
-        contacts_at_fault: Those of them in which it moved towards what it touched; see Touches.
+        contacts_at_fault: Those of them in which it moved towards what it touched, and was not pushed; see Touches.
         contact_times: Time (s) at which each contact began, from the start of the drive.
         time: Simulated seconds driven.
         time_limit: Simulated seconds allowed.

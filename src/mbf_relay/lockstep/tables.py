@@ -82,7 +82,7 @@ COLUMNS: Sequence[Column] = (
     Column("collision", "", "1 where the robot touched anything but the ground",
            lambda r: int(r.outcome == outcomes.CONTACT), False, BARN),
     Column("contacts", "", "how often it came to touch something", lambda r: r.contacts, True, FRANCIS),
-    Column("contacts_at_fault", "", "of them, those at which it moved towards what it touched",
+    Column("contacts_at_fault", "", "of them, those at which it moved towards what it touched, unpushed",
            lambda r: r.contacts_at_fault, True, OWN),
     Column("timeout", "", "1 where time ran out", lambda r: int(r.outcome == outcomes.TIMEOUT), False, BARN),
     Column("spl", "", "success weighted by path length: success x l / max(p, l)", spl, False, ANDERSON),
