@@ -5,12 +5,16 @@ peer that connects and sends nothing, as a port scan or a subscriber whose cable
 velocity_guard that restarted after that received no velocities, and the robot stood still. On the node's XML-RPC port
 each such connection holds a thread for good. Once they use up the process' file descriptors (usually a thousand), rospy
 tries to accept again and again without a pause.
+
+rospy's subscribers may connect twice, closing the first connection, and a publisher keeps only the one it heard last.
+With a thread each, that could be the closed one: the subscriber then never got a message.
 """
 
 from __future__ import annotations
 
 import collections
 import errno
+import select
 import socket
 import struct
 import threading
@@ -197,6 +201,17 @@ def read_handshake(connection: socket.socket) -> Optional[Dict[str, str]]:
     return header
 
 
+def has_hung_up(connection: socket.socket) -> bool:
+    """Return whether the peer has closed its end of a connection.
+
+    Raises:
+        ValueError: The connection is closed at this end.
+    """
+    poll = select.poll()
+    poll.register(connection, select.POLLRDHUP)
+    return bool(poll.poll(0))
+
+
 def subscriber_connections() -> int:
     """Return the number of connections to topics that this node publishes."""
     return sum(len(topic.connections) for topic in list(get_topic_manager().pubs.values()))
@@ -205,6 +220,9 @@ def subscriber_connections() -> int:
 def _hand_over(server: Any, connection: socket.socket, address: Tuple[str, int], header: Dict[str, str]) -> str:
     """Pass a connection to rospy's topic or service handler; return why it is refused, empty where it is not."""
     if "topic" in header:
+        if has_hung_up(connection):
+            connection.close()
+            return ""
         if subscriber_connections() >= MOST_SUBSCRIBERS:
             return f"{MOST_SUBSCRIBERS} connections listen to this node's topics already"
         handle = server.topic_connection_handler

@@ -14,7 +14,6 @@ rospy then sees the publisher as connected, and never connects again either.
 from __future__ import annotations
 
 import io
-import select
 import time
 from typing import Any, Callable, List
 
@@ -24,6 +23,7 @@ from rospy.impl import tcpros_pubsub
 from rospy.impl.masterslave import ROSHandler
 from rospy.impl.registration import get_topic_manager
 
+from mbf_relay.ros.common.rospy_patches.accepting import has_hung_up
 from mbf_relay.ros.common.rospy_patches.named_locks import NamedLocks
 
 FIRST_PAUSE, LONGEST_PAUSE = 0.1, 30.0
@@ -62,14 +62,13 @@ def connections_with(topic: str, publisher: str) -> List[Any]:
 
 def is_ended(connection: Any) -> bool:
     """Return whether a connection was closed, by the publisher or in this process."""
-    looked_at, poll = connection.socket, select.poll()
+    looked_at = connection.socket
     if looked_at is None:  # closed, or not made yet
         return connection.protocol is None
     try:
-        poll.register(looked_at, select.POLLRDHUP)
+        return has_hung_up(looked_at)
     except ValueError:  # it is being closed
         return True
-    return bool(poll.poll(0))
 
 
 def connect_and_receive(

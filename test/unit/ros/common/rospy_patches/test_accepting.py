@@ -102,12 +102,22 @@ def test_strangers_who_listen_and_never_read_leave_a_node_files_and_threads(node
 ])
 def test_who_talks_nonsense_is_refused_in_one_line(node, text):
     connection = node.connect(text)
-    connection.shutdown(socket.SHUT_WR)
     while connection.recv(4096):  # it ends: what it was told first is its own business
         pass
     wait_until(lambda: len(node.refusals) == 1, "a line about it")
     assert "\n" not in node.refusals[0] and len(node.refusals[0]) < 300
     node.hears_of("/velocity_guard")
+
+
+def test_a_connection_that_its_subscriber_has_given_up_does_not_take_the_place_of_its_next_one(node):
+    """A drive was recorded without the robot's poses: the publisher had kept the connection that was closed already."""
+    given_up, other = socket.socketpair()
+    with other:
+        other.sendall(words(callerid="/recorder", topic="/tf"))
+    node.hears_of("/recorder")
+    accepting.start_handshake(node.server, given_up, ("127.0.0.1", 0))
+    wait_until(lambda: given_up.fileno() == -1, "the closed connection to be let go")
+    assert node.heard == ["/recorder"] and not node.refusals
 
 
 def test_a_crowd_that_says_nothing_takes_no_more_files_than_a_few(node, monkeypatch):
