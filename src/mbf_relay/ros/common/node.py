@@ -46,7 +46,7 @@ def run_node(name: str, place: str, **arguments: Any) -> None:
     """
     ending = NodeEnding()
     os.environ.setdefault(ALGEBRA_THREADS, "1")  # before NumPy is imported
-    _import_rospy()
+    import_rospy()
     import rospy  # imported after NodeEnding(), hence not interrupted by signals
 
     module_name, _, function = place.rpartition(".")
@@ -62,6 +62,22 @@ def run_node(name: str, place: str, **arguments: Any) -> None:
         ending.leave(status)
     ending.use(rospy.signal_shutdown)
     ending.leave(_run_main(name, lambda: getattr(module, function)(**arguments), ending))
+
+
+def import_rospy() -> None:
+    """Set up logging and import rospy with `rospy_patches`; before any other import of rospy."""
+    import logging
+
+    from mbf_relay.ros.common import logs
+    from mbf_relay.ros.common.rospy_patches.lazy_modules import import_lazily
+
+    logging.setLogRecordFactory(logs.PlainRecord)
+    logs.report_unwritable_log_once()
+    import_lazily()
+    from mbf_relay.ros.common.rospy_patches import accepting, connecting, receiving, sending, starting
+
+    for module in (accepting, connecting, starting, receiving, sending):
+        module.apply_patches()
 
 
 def _check_command_line(name: str, line: Sequence[str], check: Optional[Callable[[Sequence[str]], Any]]) -> int:
@@ -94,7 +110,7 @@ def run_program(place: str) -> None:
         place: Full name of the function, as for `run_node`.
     """
     ending = NodeEnding(INTERRUPTED)
-    _import_rospy()
+    import_rospy()
     import traceback
 
     import rospy
@@ -116,22 +132,6 @@ def run_program(place: str) -> None:
     elif rospy.core.is_initialized():
         rospy.signal_shutdown("done")
     ending.leave(status)
-
-
-def _import_rospy() -> None:
-    """Set up logging and import rospy with this package's patches; see `rospy_patches`."""
-    import logging
-
-    from mbf_relay.ros.common import logs
-    from mbf_relay.ros.common.rospy_patches.lazy_modules import import_lazily
-
-    logging.setLogRecordFactory(logs.PlainRecord)
-    logs.report_unwritable_log_once()
-    import_lazily()
-    from mbf_relay.ros.common.rospy_patches import accepting, connecting, receiving, sending, starting
-
-    for module in (accepting, connecting, starting, receiving, sending):
-        module.apply_patches()
 
 
 def _run_main(name: str, main: Callable[[], None], ending: NodeEnding) -> int:

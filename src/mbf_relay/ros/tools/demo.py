@@ -22,7 +22,7 @@ from defusedxml import ElementTree
 
 from mbf_relay.report.drive import Drive
 from mbf_relay.report.terminal import Terminal
-from mbf_relay.ros.common.logs import report_unwritable_log_once
+from mbf_relay.ros.common.node import import_rospy
 from mbf_relay.ros.tools.demo_graph import DemoGraph, GraphError, end_on_request, free_port, last_errors
 from mbf_relay.simulation.parameters import SimulationParameters
 
@@ -163,11 +163,11 @@ def has_display() -> bool:
 def watch(graph: DemoGraph, options: argparse.Namespace, logs: str) -> Drive:
     """Start the client, show its progress until it ends, and return the drive."""
     os.environ.update(graph.environment)
+    import_rospy()
     import rospy
 
     from mbf_relay.ros.tools.drive_recorder import DriveRecorder
 
-    report_unwritable_log_once()
     rospy.init_node("demo", disable_signals=True)
     planners = rospy.get_param("/move_base_flex/planners", [])
     recorder = DriveRecorder([f"move_base_flex/{planner['name']}/plan" for planner in planners])

@@ -26,6 +26,25 @@ except ProcessLookupError:
     print("gone")
 """
 
+RECORDER = """
+from types import SimpleNamespace
+from mbf_relay.ros.tools import demo
+import rospy
+
+def init_node(*_, **__):
+    from rospy.impl.masterslave import ROSHandler
+    raise SystemExit(ROSHandler._connect_topic.__module__)
+
+rospy.init_node = init_node
+demo.watch(SimpleNamespace(environment={}), SimpleNamespace(), "")
+"""
+
+
+def test_a_demo_does_not_miss_the_topics_that_rospy_fails_to_connect():
+    """Its report lacked the robot's poses."""
+    run = subprocess.run([sys.executable, "-c", RECORDER], stderr=subprocess.PIPE, text=True)
+    assert run.stderr.endswith("rospy_patches.connecting\n")
+
 
 def test_a_process_whose_parent_died_is_found_and_ended():
     run = subprocess.run([sys.executable, "-c", PARENT_THAT_DIES], stdout=subprocess.PIPE, text=True)
