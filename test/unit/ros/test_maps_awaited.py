@@ -1,5 +1,6 @@
 """Which maps a costmap's node waits for before the robot may drive, and what it says while it waits."""
 
+from types import SimpleNamespace
 from unittest import mock
 
 import numpy as np
@@ -105,3 +106,14 @@ def test_a_robot_without_a_map_does_not_wait_for_the_place_of_zones_that_there_a
     made = make(LostFrames, type="costmap_prohibition_layer_namespace::CostmapProhibitionLayer",
                 prohibition_frame="site", prohibition_areas=areas)
     assert made._place_maps() == is_placed
+
+
+def test_each_map_whose_place_is_not_known_is_named():
+    """Who put the frame right that was named was then told of the next one, and of the one after."""
+    layers = [{"name": name, "type": "nav2_costmap_2d::KeepoutFilter"} for name in ("rooms", "stairs")]
+    made = node.CostmapNode("global_costmap", {"global_costmap": {"global_frame": "map", "plugins": layers}},
+                            LostFrames())
+    made._maps = [SimpleNamespace(layer=each["name"], frame="site") for each in layers]
+    assert not made._place_maps()
+    told = made.costmap.stale_reason(1.0)
+    assert "layer 'rooms'" in told and "layer 'stairs'" in told

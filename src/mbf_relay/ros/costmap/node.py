@@ -218,17 +218,18 @@ class CostmapNode:
         """
         frames = {source.layer: source.frame for source in self._maps if source.frame is not None}
         frames.update((layer.name, layer.map_frame) for layer in self.costmap.layers if layer.map_frame)
-        trouble, here = "", self.costmap.frame
+        troubles, here = [], self.costmap.frame
         for layer, frame in frames.items():
             try:
                 place = self._transforms.lookup(frame, here) if frame != here else IDENTITY
                 self.costmap.set_map_from_costmap(place, layer)
                 self._placed[layer] = frame
             except TransformError as error:
-                trouble = f"{self._name} cannot place the map of layer '{layer}': {error}"
-        if not trouble:
+                troubles.append(f"{self._name} cannot place the map of layer '{layer}': {error}")
+        if not troubles:
             self._map_warnings.worked()
             return True
+        trouble = "; ".join(troubles)
         self._map_warnings.say(trouble)
         active = [layer.name for layer in self.costmap.layers if layer.enabled]
         if all(self._placed.get(name) == frames.get(name) for name in active):
