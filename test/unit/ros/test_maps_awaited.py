@@ -1,5 +1,6 @@
 """Which maps a costmap's node waits for before the robot may drive, and what it says while it waits."""
 
+import threading
 from types import SimpleNamespace
 from unittest import mock
 
@@ -11,6 +12,7 @@ from mbf_relay.costmap.cost_grid import LETHAL
 from mbf_relay.geometry import IDENTITY, Pose2D
 from mbf_relay.maps import OccupancyMap
 from mbf_relay.outcomes import TransformError
+from mbf_relay.ros.common.conversions import map_to_message
 from mbf_relay.ros.common.throttled_warnings import ThrottledWarnings
 from mbf_relay.ros.costmap import inputs, node, publisher
 
@@ -117,3 +119,29 @@ def test_each_map_whose_place_is_not_known_is_named():
     assert not made._place_maps()
     told = made.costmap.stale_reason(1.0)
     assert "layer 'rooms'" in told and "layer 'stairs'" in told
+
+
+def test_a_map_that_comes_during_an_update_is_not_shown_where_its_frame_is_not(monkeypatch):
+    """For a cycle, walls lay as if their frame were the costmap's, and the robot was allowed to drive by them."""
+    layers = [{"name": "floor", "type": "costmap_2d::StaticLayer"}]
+    made = node.CostmapNode("local_costmap", {"local_costmap": {
+        "global_frame": "map", "rolling_window": True, "width": 8.0, "height": 8.0, "plugins": layers}}, LostFrames())
+    for part in ("_publisher", "_tracks"):
+        monkeypatch.setattr(made, part, mock.MagicMock())
+    made._transforms.site = Pose2D(-2.0, -1.0, 0.0)
+    made._maps.append(inputs.MapInput(
+        "floor", made.costmap.layers[0].map_source, made.costmap, lambda: None, made._placing))
+    walls = map_to_message(OccupancyMap(np.full((10, 10), 100, np.int8), 0.1, IDENTITY), "site", 0.0)
+    comes = threading.Thread(target=made._maps[0]._take_map, args=[walls])
+
+    def come(_now):
+        comes.start()
+        comes.join(0.2)  # it may have to wait for the update's end
+
+    made._sensors = {"scan": SimpleNamespace(feed=come)}
+    made._update(100.0)
+    assert np.isnan(closed(made)).all()
+    comes.join()
+    made._sensors = {}
+    made._update(100.2)
+    assert closed(made) == pytest.approx([2.5, 1.5], abs=0.05)

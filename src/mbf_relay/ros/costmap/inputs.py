@@ -283,13 +283,17 @@ class MapInput:
         source: Topic of its map, and whether there are updates.
         costmap: The costmap of the layer.
         on_map: Called after each map, from rospy's thread.
+        placing: Held while a map and its frame are taken.
 
     Attributes:
         frame: Frame of the map, None before the first.
     """
 
-    def __init__(self, layer: str, source: MapSource, costmap: Costmap, on_map: Callable[[], None]) -> None:
+    def __init__(
+        self, layer: str, source: MapSource, costmap: Costmap, on_map: Callable[[], None], placing: threading.Lock
+    ) -> None:
         self.layer, self._source, self._costmap, self._on_map = layer, source, costmap, on_map
+        self._placing = placing
         self.frame: Optional[str] = None
         self._subscribers = [
             rospy.Subscriber(source.topic, QuickGrid, self._take_map, queue_size=1, buff_size=BUFFER_BYTES)]
@@ -307,14 +311,16 @@ class MapInput:
         if self.frame is not None and self._source.first_only:
             return
         try:
-            notice = self._costmap.set_map(map_from_message(message), self.layer)
+            occupancy = map_from_message(message)
+            with self._placing:
+                notice = self._costmap.set_map(occupancy, self.layer)
+                self.frame = self._frame_of(message)
         except ValueError as error:
             rospy.logerr_throttle(
                 WARN_PERIOD, f"{self._costmap.name}: map on topic '{self._source.topic}' refused: {error}")
             return
         if notice:
             rospy.logwarn("%s", notice)
-        self.frame = self._frame_of(message)
         self._on_map()
 
     def _frame_of(self, message: Any) -> str:

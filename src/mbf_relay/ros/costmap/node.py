@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from typing import Any, Dict, List, Mapping, Optional
 
 import rospy
@@ -72,6 +73,8 @@ class CostmapNode:
         )
         self._tracks = TracksPublisher(name)
         self._maps: List[MapInput] = []
+        # keeps an update from showing a new map where the last one lay; taken before the costmap's own lock
+        self._placing = threading.Lock()
         self._sensors: Dict[str, SensorInput] = {}
         self._reconfigure: List[Any] = []
 
@@ -79,7 +82,8 @@ class CostmapNode:
         """Subscribe, and start the thread that updates and publishes."""
         for layer in self.costmap.layers:
             if layer.map_source is not None:
-                self._maps.append(MapInput(layer.name, layer.map_source, self.costmap, self._stepper.wake))
+                self._maps.append(
+                    MapInput(layer.name, layer.map_source, self.costmap, self._stepper.wake, self._placing))
         for name, [(layer, source), *_] in self.costmap.inputs.items():
             patience = max(layer.sensor_patience, self.costmap.parameters.transform_tolerance)
             self._sensors[name] = SensorInput(
@@ -178,11 +182,14 @@ class CostmapNode:
 
     def _update(self, now: float) -> None:
         pose = self._robot_pose()
-        if pose is None or not self._place_maps():
+        if pose is None:
             return
-        for sensor in self._sensors.values():
-            sensor.feed(now)
-        self.costmap.update(now, pose)
+        with self._placing:
+            if not self._place_maps():
+                return
+            for sensor in self._sensors.values():
+                sensor.feed(now)
+            self.costmap.update(now, pose)
         stale = self.costmap.stale_reason(now)  # checked here, since a dead sensor sends no message to be refused
         if stale is None:
             self._stale_warnings.worked()

@@ -1,5 +1,6 @@
 """A map that says it lies elsewhere than where it is used is told of: the robot would look for its walls in vain."""
 
+import threading
 import types
 
 import numpy as np
@@ -33,7 +34,7 @@ def costmap_input(layer="static", **values):
         "global_frame": "map", "robot_radius": 0.1, "plugins": [
             {"name": name, "type": "costmap_2d::StaticLayer"} for name in ("static", "another")],
         **values})
-    return MapInput(layer, costmap.layers[0].map_source, costmap, lambda: None)
+    return MapInput(layer, costmap.layers[0].map_source, costmap, lambda: None, threading.Lock())
 
 
 @pytest.mark.parametrize("frame", ["odom", ""])
