@@ -90,11 +90,14 @@ def _of_two_outlines(config: Mapping[str, Any]) -> List[Doubt]:
 def _outline_of_what_drives(config: Mapping[str, Any]) -> str:
     """Return the name of the parameter that sets the local costmap's outline.
 
-    As in costmap_2d, a footprint in the parent namespace comes before a robot_radius in the costmap's own.
+    As in costmap_2d, a footprint in the parent namespace comes before a robot_radius in the costmap's own, unless it is
+    empty.
     """
     local = config.get("local_costmap")
     groups = {"local_costmap/": local if isinstance(local, Mapping) else {}, "": config}
-    given = [f"{prefix}{name}" for name in OUTLINES for prefix, group in groups.items() if name in group]
+    footprint = next((group["footprint"] for group in groups.values() if "footprint" in group), ())
+    names = OUTLINES if len(parse_footprint(footprint)) else OUTLINES[1:]
+    given = [f"{prefix}{name}" for name in names for prefix, group in groups.items() if name in group]
     return (given or ["local_costmap/footprint"])[0]
 
 

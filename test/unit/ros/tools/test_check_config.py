@@ -107,9 +107,10 @@ def test_a_robot_that_would_see_nothing_is_doubted(tmp_path):
     assert "is not given" not in told
 
 
-def test_a_path_planned_for_a_smaller_robot_than_drives_it_is_doubted(tmp_path):
-    told = check(tmp_path, GOOD.replace("local_costmap: {robot_radius: 0.2, ", "local_costmap: {"))[1]
-    assert "local_costmap/footprint: reaches 0.45 m" in told and "the global costmap's 0.20 m" in told, told
+@pytest.mark.parametrize("given, by", [("", "footprint"), ("footprint: [], robot_radius: 0.46, ", "robot_radius")])
+def test_a_path_planned_for_a_smaller_robot_than_drives_it_is_doubted(tmp_path, given, by):
+    told = check(tmp_path, GOOD.replace("local_costmap: {robot_radius: 0.2, ", "local_costmap: {" + given))[1]
+    assert f"local_costmap/{by}: reaches 0.45 m" in told and "the global costmap's 0.20 m" in told, told
 
 
 @pytest.mark.parametrize("footprint, said", [
