@@ -159,7 +159,8 @@ class TestDemo(unittest.TestCase):
         self.assertEqual(demo.left_behind(), [])
 
     def test_5_wrong_options_are_told(self):
-        for name, value, words in (("--speed", "0", "is 0"), ("--laps", "0", "is 0"), ("--relay", "x", "choice: 'x'")):
+        for name, value, words in (
+                ("--speed", "0", "is 0"), ("--laps", "0", "is below 1"), ("--relay", "x", "choice: 'x'")):
             demo = Demo(name, value)
             self.assertEqual(demo.process.wait(60.0), 2, demo.output)
             self.assertIn(name, demo.output)

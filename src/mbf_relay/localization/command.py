@@ -15,7 +15,7 @@ from typing import Any, Dict, List, Mapping, Optional, Sequence, Tuple
 import numpy as np
 
 from mbf_relay import files
-from mbf_relay.commands import random_seed
+from mbf_relay.commands import positive, random_seed
 from mbf_relay.geometry import Pose2D, degrees_told
 from mbf_relay.localization.logs import RecordedLog, doubts_on_times, load_log
 from mbf_relay.localization.node_parameters import (
@@ -49,7 +49,7 @@ def parse_arguments(arguments: Optional[List[str]] = None) -> argparse.Namespace
     parser.add_argument("--params", metavar="FILE", help="amcl's parameters, a YAML file (default: amcl's defaults)")
     parser.add_argument("--seed", type=random_seed, default=0, metavar="N", help="seed of the filter (default 0)")
     parser.add_argument(
-        "--seeds", type=int, default=1, metavar="N", help="number of seeds to run, from --seed on (default 1)")
+        "--seeds", type=positive, default=1, metavar="N", help="number of seeds to run, from --seed on (default 1)")
     parser.add_argument(
         "--stress", action="append", default=[], metavar="NAME=NUMBER,...",
         help="also replay the logs under stress, e.g. unmapped=0.3,range_max=3.5; may be repeated",
@@ -185,8 +185,6 @@ def main(arguments: Optional[List[str]] = None) -> int:
     try:
         pairs = pair_up(options.files)
         stresses = list(dict.fromkeys([Stress(), *map(parse_stress, options.stress)]))
-        if options.seeds < 1:
-            raise ValueError(f"--seeds is {options.seeds}; it must be at least 1")
         many = len(pairs) > 1 or options.seeds > 1 or len(stresses) > 1
         lines = try_all(options, pairs, stresses) if many else replay_one(options, *pairs[0])
     except (OSError, ValueError) as error:

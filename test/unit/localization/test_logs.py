@@ -250,7 +250,6 @@ def test_a_log_or_a_map_that_says_nothing_is_an_error_and_no_result(tmp_path, ca
     [
         (["log.npz"], "log.npz has no map"),
         (["map.yaml"], "there is no log"),
-        (["log.npz", "map.yaml", "--seeds", "0"], "--seeds is 0"),
         (["log.npz", "map.yaml", "--stress", "rain=1"], "stress 'rain' is unknown; there are odometry, slips"),
         (["log.npz", "map.yaml", "--stress", "unmapped"], "stress 'unmapped' is not NAME=NUMBER"),
         (["log.npz", "map.yaml", "--stress", "unmapped=2"], "unmapped is 2.0"),
@@ -268,6 +267,12 @@ def test_the_command_says_what_was_wrong(tmp_path, capsys, monkeypatch, argument
     assert main(arguments) == 1
     printed = capsys.readouterr().err
     assert complaint in printed and printed.count("\n") == 1
+
+
+def test_what_is_no_number_of_seeds_is_refused_with_the_usage_like_every_such_option(capsys):
+    with pytest.raises(SystemExit) as ended:
+        main(["log.npz", "map.yaml", "--seeds", "0"])
+    assert ended.value.code == 2 and "argument --seeds: 0 is below 1" in capsys.readouterr().err
 
 
 def test_scans_of_which_nothing_could_be_used_are_counted(tmp_path, capsys, monkeypatch):

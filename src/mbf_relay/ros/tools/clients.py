@@ -20,7 +20,7 @@ from geometry_msgs.msg import Point, Pose, PoseStamped, Quaternion
 from mbf_msgs import msg as mbf_msgs
 from move_base_msgs.msg import MoveBaseAction, MoveBaseGoal
 
-from mbf_relay.commands import finite
+from mbf_relay.commands import finite, positive
 from mbf_relay.ros.common.actions.action_client import ActionClient
 from mbf_relay.ros.common.actions.client_goals import ActionEnding
 from mbf_relay.ros.common.conversions import quaternion_from_yaw
@@ -201,7 +201,7 @@ def pose_in_map(x: float, y: float, orientation: Quaternion) -> PoseStamped:
 def circle_arguments(description: Optional[str], server: str, via: bool = False) -> argparse.ArgumentParser:
     """Return the parser of a client that drives the circle; `via` adds that option."""
     arguments = argparse.ArgumentParser(description=description)
-    arguments.add_argument("--laps", type=int, default=1, help="rounds to drive, default %(default)s")
+    arguments.add_argument("--laps", type=positive, default=1, help="rounds to drive, default %(default)s")
     if via:
         arguments.add_argument("--via", choices=("auto", "action", "topic", "waypoints"), default="auto",
                                help="how to send goals; auto, the default: by the action if there is one, else by the "
@@ -221,8 +221,6 @@ def common_arguments(arguments: argparse.ArgumentParser, server: str) -> None:
 def parse(arguments: argparse.ArgumentParser, argv: Optional[Sequence[str]] = None) -> argparse.Namespace:
     """Return the options, remappings left out; waits for the ROS master for up to --timeout (s)."""
     options = arguments.parse_args(rospy.myargv(argv if argv is not None else sys.argv)[1:])
-    if getattr(options, "laps", 1) < 1:
-        arguments.error(f"--laps is {options.laps}; it must be at least 1")
     _wait_for_master(options.timeout)
     return options
 

@@ -20,6 +20,7 @@ from typing import Any, Dict, List, Optional, Sequence
 
 from defusedxml import ElementTree
 
+from mbf_relay.commands import positive
 from mbf_relay.report.drive import Drive
 from mbf_relay.report.terminal import Terminal
 from mbf_relay.ros.common.node import import_rospy
@@ -52,7 +53,7 @@ def main(arguments: Optional[Sequence[str]] = None) -> int:
 def parse(arguments: Optional[Sequence[str]]) -> argparse.Namespace:
     """Return the options; exit with an error where they are invalid."""
     parser = argparse.ArgumentParser(prog="demo", description="Drive the tutorial's circle in the simulated arena.")
-    parser.add_argument("--laps", type=int, default=1, metavar="N", help="rounds to drive (default: %(default)s)")
+    parser.add_argument("--laps", type=positive, default=1, metavar="N", help="rounds to drive (default: %(default)s)")
     parser.add_argument(
         "--speed", type=float, default=1.0, metavar="F", help="simulated seconds per second of wall time (default: 1)"
     )
@@ -72,8 +73,6 @@ def parse(arguments: Optional[Sequence[str]]) -> argparse.Namespace:
         help="folder for report.json, report.png, report.html and the logs (default: %(default)s)",
     )
     options = parser.parse_args(arguments)
-    if options.laps < 1:
-        parser.error(f"--laps is {options.laps}; it must be at least 1")
     if not (math.isfinite(options.speed) and options.speed > 0.0):
         parser.error(f"--speed is {options.speed}; it must be above 0")
     if not 0 <= options.seed <= LARGEST_SEED:
