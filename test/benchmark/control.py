@@ -67,7 +67,7 @@ def costmap_with(posts: Tuple[Tuple[float, float], ...] = POSTS) -> CostGrid:
     costs = np.where(metres <= 1.0, 252.0 * np.exp(-3.0 * (metres - inscribed)), 0.0)
     costs = np.where(metres <= inscribed, 253.0, np.minimum(costs, 252.0)).astype(np.uint8)
     costs[distance == 0.0] = 254
-    return CostGrid(grid, np.ascontiguousarray(costs), "odom", BURGER, inscribed, circumscribed)
+    return CostGrid(grid, np.ascontiguousarray(costs), "odom", BURGER, inscribed, circumscribed, tracks=())
 
 
 def _cycle(along: int, turns: int, speed: float, turn: float, name: str = "DWAPlannerROS") -> Tuple[Any, int]:
@@ -118,7 +118,7 @@ def _drive(name: str, path_name: str, path: Path) -> Iterator[Metric]:
     controller.set_path(path, True)
     commands, off, length, cycle = [], [], 0.0, 0
     for cycle in range(600):
-        moved = CostGrid(*_free_costmap(pose))
+        moved = CostGrid(*_free_costmap(pose), tracks=())
         state = ControlState(cycle * PERIOD, pose, velocity, moved, IDENTITY, PERIOD)
         if controller.is_goal_reached(state):
             break

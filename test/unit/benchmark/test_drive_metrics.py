@@ -7,7 +7,7 @@ import pytest
 
 pytest.importorskip("pybullet")
 
-from benchmark import NAMES, circle, command, public_data  # noqa: E402
+from benchmark import NAMES, circle, command, control, public_data  # noqa: E402
 from benchmark.metric import Metric, NotMeasurable  # noqa: E402
 
 from mbf_relay.lockstep.result import EpisodeResult  # noqa: E402
@@ -25,6 +25,13 @@ def driven(seed, success=True, **values):
 def test_every_benchmark_yields_metrics_when_asked(name):
     metrics = importlib.import_module(f"benchmark.{name}").metrics
     assert list(inspect.signature(metrics).parameters) == ["quick"]
+
+
+def test_the_benchmark_of_controllers_drives_by_a_costmap_that_looks_for_what_moves(recwarn):
+    """It printed a warning of foresight, as if the controllers measured were not those that are driven by."""
+    list(control._drive("DWAPlannerROS", "straight", control._line((0.0, 0.0), (0.3, 0.0))))
+    control._cycle(2, 4, 0.2, 0.0, "MPPI")[0]()
+    assert not [each for each in recwarn if "foresight" in str(each.message)]
 
 
 def test_failures_count_and_do_not_enter_the_times():
