@@ -9,7 +9,7 @@ from typing import Any, Optional
 import numpy as np
 
 from mbf_relay.costmap import layer_kernels
-from mbf_relay.costmap.cost_grid import INSCRIBED, LETHAL, NO_INFORMATION, Window
+from mbf_relay.costmap.cost_grid import LETHAL, NO_INFORMATION, Window
 from mbf_relay.costmap.layer import LayerContext, MapSource, PlacedLayer, ZoneLimit
 from mbf_relay.geometry import Pose2D
 from mbf_relay.maps import FREE, OCCUPIED, UNKNOWN, OccupancyMap, load_map
@@ -87,15 +87,14 @@ class KeepoutFilter(CostmapFilter):
             at.x, at.y, at.theta, False)
 
     def update_costs(self, costs: np.ndarray, window: Window) -> None:
-        if self.mask is not None:
-            layer_kernels.merge_maximum(costs, self.costs, *window)
+        layer_kernels.merge_maximum(costs, self.costs, *window)
 
 
 def keepout_costs() -> np.ndarray:
     """Return the cost of each value of a mask, indexed by the value as an unsigned byte: shape (256,), uint8."""
     costs = np.full(256, NO_INFORMATION, dtype=np.uint8)
     values = np.arange(FREE + 1, OCCUPIED)
-    costs[values] = np.clip(np.rint(values / OCCUPIED * LETHAL), 1, INSCRIBED - 1)
+    costs[values] = np.rint(values / OCCUPIED * LETHAL)
     costs[OCCUPIED] = LETHAL
     return costs
 
@@ -130,7 +129,6 @@ class SpeedFilter(CostmapFilter):
         return self._limit
 
     def update_bounds(self, context: LayerContext, window: Window) -> Window:
-        self.take_pending()
         self._limit = self._limit_at(context.robot_pose)
         return window
 

@@ -44,7 +44,8 @@ def test_a_zone_is_lethal_and_inflated_and_the_floor_stays_free():
     costmap.set_map(floor(), "static")
     costmap.set_map(mask(100), "zones")
     costmap.update(1.0, HERE)
-    assert cost_at(costmap, 0.55, 0.55) == LETHAL and cost_at(costmap, -0.55, 0.55) == 0
+    assert cost_at(costmap, 0.55, 0.55) == cost_at(costmap, 0.55, -0.95) == LETHAL
+    assert cost_at(costmap, -0.55, 0.55) == 0
     assert 0 < cost_at(costmap, -0.15, 0.05) < LETHAL, "inflated"
     assert cost_at(costmap, 2.5, 2.5) == 0, "beside the mask"
     assert costmap.snapshot().costs.shape == (60, 60), "the size is the floor's, whichever map comes last"
@@ -83,6 +84,9 @@ def test_a_window_that_rolls_in_odometry_s_frame_has_the_zone_where_the_map_has_
     assert cost_at(costmap, 0.5, -0.5) == LETHAL and cost_at(costmap, 0.5, 0.5) == 0
     costmap.update(2.0, Pose2D(1.0, 0.0, 0.0))
     assert cost_at(costmap, 0.5, -0.5) == LETHAL and cost_at(costmap, 0.5, 0.5) == 0
+    costmap.set_map_from_costmap(Pose2D(-3.0, 0.0, np.pi / 2.0), "zones")  # the robot is found elsewhere
+    costmap.update(3.0, Pose2D(1.0, 0.0, 0.0))
+    assert cost_at(costmap, 0.5, -0.5) == 0, "the zone is not there any more"
 
 
 def test_unknown_stays_unknown_where_the_mask_says_nothing():
@@ -91,8 +95,11 @@ def test_unknown_stays_unknown_where_the_mask_says_nothing():
     assert 0 < costs[1] < costs[50] < costs[99] < LETHAL - 1
 
 
-def test_without_its_mask_nobody_drives():
-    costmap = global_costmap("KeepoutFilter", filter_mask_topic="keepout")
+@pytest.mark.parametrize("kind", ["KeepoutFilter", "SpeedFilter"])
+def test_without_its_mask_nobody_drives(kind):
+    costmap = global_costmap(kind, filter_mask_topic="keepout")
+    layer = costmap.layer("static")
+    costmap.reconfigure_layer("static", layer.parameters.replace(lethal_cost_threshold=90))
     costmap.set_map(floor(), "static")
     costmap.update(1.0, HERE)
     assert "no mask has come on topic 'keepout'" in costmap.stale_reason(1.0)
@@ -115,7 +122,9 @@ def test_a_zone_says_how_fast_by_base_and_multiplier(group, value, limit):
     costmap.set_map(mask(value), "zones")
     costmap.update(1.0, Pose2D(0.5, 0.5, 0.0))
     assert costmap.zone_limit == limit
-    for outside in (Pose2D(-0.5, 0.5, 0.0), Pose2D(2.5, 2.5, 0.0)):
+    costmap.update(1.0, Pose2D(0.95, -0.95, 0.0))
+    assert costmap.zone_limit == limit
+    for outside in (Pose2D(-0.5, 0.5, 0.0), Pose2D(1.0, 0.5, 0.0), Pose2D(0.5, 1.0, 0.0), Pose2D(0.5, -1.1, 0.0)):
         costmap.update(1.0, outside)
         assert costmap.zone_limit == ZoneLimit()
     assert cost_at(costmap, 0.5, 0.5) == 0, "a speed zone costs nothing"

@@ -90,7 +90,8 @@ def test_map_updates_change_their_window_alone():
     costmap = with_map(subscribe_to_updates=True)
     data = np.zeros((40, 40), np.int8)
     data[0, 0] = -1
-    costmap.set_map(OccupancyMap(data, 0.1, Pose2D(0.0, 0.0, 0.0)))
+    costmap.set_map(OccupancyMap(np.ones_like(data), 0.1, Pose2D(0.0, 0.0, 0.0)))
+    costmap.update_map(0, 0, data)
     costmap.update(0.0, IDENTITY)
     before = costmap.snapshot()
     costmap.update_map(10, 20, np.full((2, 3), 100, np.int8))
@@ -122,6 +123,7 @@ def test_a_new_map_replaces_the_old_one():
 def test_a_window_in_another_frame_shows_the_map_where_it_lies():
     values = {**STILL, "rolling_window": True, "plugins": [{"name": "static", "type": "costmap_2d::StaticLayer"}]}
     costmap = factory.build_costmap("costmap", values)
+    costmap.update(0.0, IDENTITY)  # before the map has come
     data = np.zeros((100, 100), np.int8)
     data[60, 70] = 100  # its centre at (2.05, 1.05) on the map
     costmap.set_map(OccupancyMap(data, 0.1, Pose2D(-5.0, -5.0, 0.0)))
