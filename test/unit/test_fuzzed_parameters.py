@@ -13,7 +13,6 @@ from tally import how_many, trial
 import mbf_relay
 from mbf_relay.parameters import ParameterSet
 
-ABSENT = {"rospy", "pybullet", "gymnasium", "rosgraph_msgs", "geometry_msgs", "mbf_msgs"}
 NUMBERS = st.one_of(
     st.sampled_from([0, 1, -1, 0.0, 1e-300, 1e300, -1e300, 2**31, 2**63, 2**70, math.nan, math.inf, -math.inf]),
     st.floats(), st.integers())
@@ -30,8 +29,8 @@ def parameter_sets():
         if not module.name.startswith(("mbf_relay.ros", "mbf_relay.kernel_build")):
             try:
                 importlib.import_module(module.name)
-            except ImportError as error:
-                if error.name not in ABSENT:
+            except ImportError as error:  # what a room needs may not be installed here; our own is
+                if (error.name or "mbf_relay").startswith("mbf_relay"):
                     raise
     found, pending = {}, [ParameterSet]
     while pending:
