@@ -9,7 +9,7 @@ CONTROLLERS = {
     "mppi": "mbf_relay.control.mppi.controller.MppiController",
     "nav2_mppi_controller/MPPIController": "mbf_relay.control.mppi.controller.MppiController",
     "neo_local_planner/NeoLocalPlanner": "mbf_relay.control.stand_ins.NeoStandIn",
-    "pose_follower/PoseFollower": "mbf_relay.control.stand_ins.EBandStandIn",
+    "pose_follower/PoseFollower": "mbf_relay.control.stand_ins.PoseFollowerStandIn",
     "regulated_pure_pursuit_controller/RegulatedPurePursuitController":
         "mbf_relay.control.pure_pursuit.RegulatedPurePursuit",
     "regulated_pure_pursuit": "mbf_relay.control.pure_pursuit.RegulatedPurePursuit",

@@ -23,6 +23,11 @@ RECONFIGURABLE = (
     "acc_lim_theta", "xy_goal_tolerance", "yaw_goal_tolerance",
 )
 """Parameters of teb_local_planner that can be changed at run time: none that decides which controller drives."""
+EBAND_RECONFIGURABLE = (
+    "max_vel_lin", "min_vel_lin", "max_vel_th", "min_in_place_vel_th", "max_translational_acceleration",
+    "max_rotational_acceleration", "xy_goal_tolerance", "yaw_goal_tolerance",
+)
+"""Parameters of eband_local_planner that can be changed at run time."""
 
 
 @dataclass(frozen=True)
@@ -147,12 +152,17 @@ class EBandParameters(_StandInParameters):
     yaw_goal_tolerance: float = parameter(
         0.05, "angle to the goal's heading at which it counts as reached", "rad", above=0.0, aliases=("tolerance_rot",))
 
+    def check(self) -> None:
+        """Raise ValueError for what cannot be driven."""
+        _of_eband(self)  # now, as for TEB
+
 
 class EBandStandIn(TranslatedController):
-    """Replaces eband_local_planner and pose_follower by DWA."""
+    """Replaces eband_local_planner by DWA."""
 
     Parameters = EBandParameters
     parameters: EBandParameters
+    dynamic_config = "mbf_relay.cfg.EBandPlannerConfig"
     stands_in = (
         "the dynamic window approach drives, with its velocities, accelerations and goal tolerances and the local "
         "costmap's footprint; its other parameters have no counterpart"
@@ -160,15 +170,25 @@ class EBandStandIn(TranslatedController):
 
     def translate(self, parameters: EBandParameters, resolution: float) -> Tuple[Type[PathFollower], DwaParameters]:
         """Return DwaController and its parameters for the same robot."""
-        p = parameters
-        sideways = 0.0 if p.differential_drive else p.max_vel_lin
-        return DwaController, _usual(
-            max_vel_trans=p.max_vel_lin, min_vel_trans=min(p.min_vel_lin, p.max_vel_lin), max_vel_x=p.max_vel_lin,
-            min_vel_x=0.0, max_vel_y=sideways, min_vel_y=-sideways, max_vel_theta=p.max_vel_th,
-            min_vel_theta=min(p.min_in_place_vel_th, p.max_vel_th), acc_lim_x=p.max_translational_acceleration,
-            acc_lim_y=p.max_translational_acceleration, acc_lim_theta=p.max_rotational_acceleration,
-            xy_goal_tolerance=p.xy_goal_tolerance, yaw_goal_tolerance=p.yaw_goal_tolerance,
-        )
+        return DwaController, _of_eband(parameters)
+
+
+def _of_eband(p: EBandParameters) -> DwaParameters:
+    """Return DWA's parameters for the same robot; ValueError where it refuses them."""
+    sideways = 0.0 if p.differential_drive else p.max_vel_lin
+    return _usual(
+        max_vel_trans=p.max_vel_lin, min_vel_trans=min(p.min_vel_lin, p.max_vel_lin), max_vel_x=p.max_vel_lin,
+        min_vel_x=0.0, max_vel_y=sideways, min_vel_y=-sideways, max_vel_theta=p.max_vel_th,
+        min_vel_theta=min(p.min_in_place_vel_th, p.max_vel_th), acc_lim_x=p.max_translational_acceleration,
+        acc_lim_y=p.max_translational_acceleration, acc_lim_theta=p.max_rotational_acceleration,
+        xy_goal_tolerance=p.xy_goal_tolerance, yaw_goal_tolerance=p.yaw_goal_tolerance,
+    )
+
+
+class PoseFollowerStandIn(EBandStandIn):
+    """Replaces pose_follower by DWA."""
+
+    dynamic_config = ""  # it calls the tolerances otherwise
 
 
 @dataclass(frozen=True)

@@ -177,6 +177,18 @@ def test_a_program_that_slows_a_robot_down_by_teb_s_parameters_is_heard():
     assert not create("MpcLocalPlannerROS", MPC, {}, Controller, CONTROLLERS).dynamic_config, "it has other parameters"
 
 
+def test_a_program_that_slows_a_robot_down_by_eband_s_parameters_is_heard():
+    """As with TEB's: it waited for ever."""
+    offered = upstream_parameters.offered("EBandPlanner")
+    assert offered["max_vel_lin"][1] == 0.75 and offered["yaw_goal_tolerance"][1] == 0.05
+    controller = create("EBandPlannerROS", EBAND, dict(max_vel_lin=0.5), Controller, CONTROLLERS)
+    controller.reconfigure(controller.parameters.reconfigured({"max_vel_lin": 0.05, "max_vel_th": 0.6})[0])
+    assert controller.dynamic_config and controller.top_speeds == (0.05, 0.6), "also below the lowest speed"
+    with pytest.raises(ValueError, match="could never reach or leave 100"):
+        controller.parameters.reconfigured({"max_vel_lin": 100.0, "max_translational_acceleration": 0.001})
+    assert not create("PoseFollower", FOLLOWER, {}, Controller, CONTROLLERS).dynamic_config, "it has other names"
+
+
 @pytest.mark.parametrize("robot", [{}, dict(min_turning_radius=0.5)], ids=["turns on the spot", "car"])
 @pytest.mark.parametrize("changes", [dict(acc_lim_x=1e-4), dict(acc_lim_theta=1e-4)], ids=["along x", "turning"])
 def test_a_change_of_teb_s_limits_that_nothing_can_drive_is_refused_at_once(robot, changes):
