@@ -99,7 +99,7 @@ class Episode:
                     graph.now, contacts, graph.simulation.true_pose, graph.robot.commanded or STOP)
                 if not self.setup.after_contact:
                     return outcomes.CONTACT, self._record.touches.first
-            if self._sampling.is_due(graph.steps):
+            if self._sampling.take_turn(graph.steps):
                 self._note_now()
             ended = self._ended() if navigated else None
             if ended is not None:

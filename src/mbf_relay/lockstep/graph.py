@@ -214,7 +214,7 @@ class Graph:
         while self._scans and self._scans[0].stamp <= self.robot.odometry_stamp:
             self._take_scan(self._scans.popleft())
         for each in self._updated:
-            if each.rate.is_due(self.steps):
+            if each.rate.take_turn(self.steps):
                 self._update(each.costmap)
         return StepReport(observations.contacts, self._navigate())
 

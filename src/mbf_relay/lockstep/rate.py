@@ -31,8 +31,8 @@ class Rate:
         """Return how many steps after step number `step` it is due next, 1 or more."""
         return max(1, self._due - step)
 
-    def is_due(self, step: int) -> bool:
-        """Return whether it is due at step number `step`, and if so, advance to the next time.
+    def take_turn(self, step: int) -> bool:
+        """Advance to the next time if it is due at step number `step`; return whether it is.
 
         To be called with rising numbers, and with at least each step at which it is due.
         """

@@ -21,7 +21,7 @@ from mbf_relay.simulation.worlds_file import world_of
 @pytest.mark.parametrize("frequency, expected", [(200.0, 2000), (30.0, 300), (7.0, 70), (10.0, 100), (1.0 / 3.0, 4)])
 def test_a_rate_keeps_its_average_exactly(frequency, expected):
     rate = Rate(frequency, 0.005)
-    due = [step for step in range(2000) if rate.is_due(step)]
+    due = [step for step in range(2000) if rate.take_turn(step)]
     assert len(due) == expected
     for n, step in enumerate(due):
         assert -1e-9 <= step * 0.005 - n / frequency < 0.005 + 1e-9

@@ -320,7 +320,7 @@ class AmclNode:
         if estimate is not None:
             self._publish(estimate, particles, taken)
             self._belief_publisher.publish(belief, values.global_frame_id, taken)
-        if self._saved_pose.is_due(taken.to_sec(), values.save_pose_rate):
+        if self._saved_pose.take_turn(taken.to_sec(), values.save_pose_rate):
             self._save_pose(self._saved_pose.save_soon)
 
     def _resume(self) -> None:

@@ -42,8 +42,11 @@ class SavedPose:
             rospy.logwarn("parameter ~%s is no finite number and is ignored; %s is used", name, INITIAL[name])
         return pose, covariance, kept_pose_from(values.get(SAVED_ODOM), pose)
 
-    def is_due(self, now: float, rate: float) -> bool:
-        """Return True once per period at `now` (s, ROS time) for a rate in Hz; never for a rate of 0 or below."""
+    def take_turn(self, now: float, rate: float) -> bool:
+        """Note `now` (s, ROS time) as that of a save if one is due, by a rate in Hz; return whether it is.
+
+        With a rate of 0 or below, none ever is.
+        """
         if rate <= 0.0 or 0.0 <= now - self._saved_at < 1.0 / rate:
             return False
         self._saved_at = now

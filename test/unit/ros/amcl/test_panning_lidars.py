@@ -43,7 +43,7 @@ def test_a_lidar_that_pans_is_seen_where_it_looked_and_the_robot_where_it_was_at
     timings._timings["laser"].late = LATE
     node.__dict__.update(
         _parameters=AmclParameters(save_pose_rate=0.0), _lock=threading.RLock(), _kept=None, _scan_watch=ScanWatch(),
-        _timings=timings, transforms=Panning(), _saved_pose=SimpleNamespace(is_due=lambda *_: False),
+        _timings=timings, transforms=Panning(), _saved_pose=SimpleNamespace(take_turn=lambda *_: False),
         _localizer=SimpleNamespace(
             process=lambda *values: taken.append(values), odometry=SimpleNamespace(jumps=0), map_from_odom=None,
             poses=None, searched=1.0))
