@@ -1,12 +1,17 @@
 """Which robot a page shows, whatever it is called and whenever it is found."""
 
 import asyncio
+from types import SimpleNamespace
 
 import pytest
 
 pytest.importorskip("tornado")
 
+from ros_testing import wait_until  # noqa: E402
+
+from mbf_relay.geometry import Twist2D  # noqa: E402
 from mbf_relay.ros.web import hub as hub_module  # noqa: E402
+from mbf_relay.view import dead_man  # noqa: E402
 from mbf_relay.view.feed import Feed  # noqa: E402
 from mbf_relay.view.parameters import WebViewParameters  # noqa: E402
 from mbf_relay.view.rights import Rights  # noqa: E402
@@ -103,3 +108,17 @@ def test_a_page_asked_for_a_robot_of_the_list_shows_it(hub):
     hub.join(browser, "/burger2/")
     look(hub, "/burger1/", "/burger2/")
     assert browser.shown[-1] == ("/burger2/", False)
+
+
+@pytest.mark.parametrize("end", [
+    lambda hub, browser: hub.leave_robot(browser), lambda hub, _browser: hub.close()], ids=["page", "node"])
+def test_a_robot_stops_with_the_page_or_the_node_by_which_it_is_driven(hub, monkeypatch, end):
+    """Not only once the hand has been silent for too long, which here it never is."""
+    monkeypatch.setattr(dead_man, "PATIENCE", 1e9)
+    browser, sent = meet(hub), []
+    browser.robot.hands._publishers["cmd_vel"] = SimpleNamespace(
+        get_num_connections=lambda: 1, publish=lambda message: sent.append(message.linear.x), unregister=lambda: None)
+    browser.robot.hands.push(browser, Twist2D(0.2, 0.0, 0.0))
+    wait_until(lambda: sent, "a velocity")
+    end(hub, browser)
+    assert sent[0] == 0.2 and sent[-1] == 0.0
