@@ -318,3 +318,20 @@ def test_the_whole_map_is_shown_however_it_is_turned_and_as_large_as_it_is(page,
         "y + resolution * (c * Math.sin(turn) + r * Math.cos(turn))))"
         ".filter(([c, r]) => c < 0 || r < 0 || c > page.camera.width || r > page.camera.height); })()")
     assert outside == []
+
+
+def test_a_page_in_a_hidden_tab_keeps_its_connection(page):
+    """With timers once a minute it pinged as seldom, took the silence between for a lost connection, and began anew."""
+    kept = page.driver.execute_script("""
+        const connection = page.connection, sent = [], kept = [];
+        for (const hidden of [true, false]) {
+          Object.defineProperty(document, "hidden", { configurable: true, get: () => hidden });
+          clearTimeout(connection.retry);
+          connection.socket = { readyState: WebSocket.OPEN, send: (wish) => sent.push(wish), close() {} };
+          connection.heard = performance.now() - 60000;
+          connection.watch();
+          kept.push(connection.socket !== null);
+        }
+        delete document.hidden;
+        return [...kept, sent.length];""")
+    assert kept == [True, False, 1]

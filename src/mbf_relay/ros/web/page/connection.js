@@ -96,10 +96,11 @@ export class Connection {
     if (this.socket) this.drop();
   }
 
-  // A connection that died without a word, as when a laptop sleeps, is only known by its silence.
+  // A connection that died without a word, as when a laptop sleeps, is only known by its silence; not in a hidden tab,
+  // whose timers a browser lets run once a minute.
   watch() {
     if (!this.socket) return;
-    if (performance.now() - this.heard > SILENCE) {
+    if (!document.hidden && performance.now() - this.heard > SILENCE) {
       this.drop();
       this.lost();
     } else this.send({ do: "ping", time: Math.round(performance.now()) });
