@@ -90,8 +90,8 @@ class OdometryInput:
             velocity, doubt = self._twists.believed(stamp, planar_pose(odometry), velocity), self._twists.doubt
         if doubt:
             rospy.logwarn_throttle(
-                DOUBT_PERIOD, f"{doubt}, and the latter is used; have the driver that publishes on "
-                f"{self.topic} fill in twist, in the frame of child_frame_id")
+                DOUBT_PERIOD, f"{doubt}, and the latter is used; have the driver that publishes on {self.topic} send "
+                "poses and a twist, in the frame of child_frame_id, that agree; one may be 0, in other units, or noise")
         return odometry, stamp, velocity
 
     def _take(self, message: Any) -> None:

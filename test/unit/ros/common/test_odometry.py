@@ -103,4 +103,4 @@ def test_a_robot_whose_driver_leaves_the_velocity_at_zeros_goes_by_its_poses_and
         graph.heard._take(as_received(message, odometry.RawOdometry, "/driver"))
         velocity = graph.heard.read(graph.now, 1.0)[2]
     assert velocity.x == pytest.approx(0.4, abs=1e-3)
-    assert any("0.00" in text and "/odom fill in twist" in text for text in graph.warnings)
+    assert any("0.00" in text and "/odom send poses and a twist" in text for text in graph.warnings)
