@@ -139,6 +139,13 @@ def empty_costmap():
     return costmap
 
 
+@pytest.mark.parametrize("heading", np.arange(4) * math.pi / 2.0)
+def test_a_way_ends_at_the_costmaps_edge_where_the_unknown_is_no_obstacle(heading):
+    checker = FootprintChecker(empty_costmap(), unknown_touches=False)
+    way = Pose2D(0.0, 0.0, heading).transform_poses(np.column_stack((np.arange(1.405, 1.6, 0.01), np.zeros((20, 2)))))
+    assert checker.free_steps(way) == 10
+
+
 def test_what_touches_already_may_be_left_and_not_entered_further():
     costmap = empty_costmap()
     costmap.costs[:, 42:] = 254  # from x = 0.6 on
@@ -237,16 +244,17 @@ def test_a_car_along_a_wall_it_touches_is_thought_about_on_every_way(monkeypatch
     assert footprint_checker.footprint_checker_kernels.looked_at[0] > 10_000_000
 
 
+@pytest.mark.parametrize("outline", [BURGER, np.array([[-0.1, -0.05], [-0.04, 0.11], [0.06, 0.05], [0.13, -0.1]])])
 @pytest.mark.parametrize("heading", [0.0, 0.3, math.pi / 2.0, 2.5, -1.1])
-def test_every_cell_of_an_outline_of_any_heading_counts_in_how_deep_it_is(heading):
+def test_every_cell_of_an_outline_of_any_heading_counts_in_how_deep_it_is(heading, outline):
     """The sum of depths is that over all cells, each by its distance from the outline."""
-    costmap = random_costmap(np.random.default_rng(6), obstacles=0)
+    costmap = random_costmap(np.random.default_rng(6), obstacles=0, footprint=outline)
     costmap.costs[:] = 254
     checker, pose = with_overlap(costmap, 0.2), Pose2D(0.31, -0.22, heading)
     rows, columns = np.mgrid[:60, :60]
     centers = pose.inverse().transform_points(costmap.grid.origin_x + 0.05 * np.column_stack(
         (columns.ravel() + 0.5, rows.ravel() + 0.5)))
-    entered = 0.3 - clearances(centers, BURGER) / 0.05
+    entered = 0.3 - clearances(centers, outline) / 0.05
     assert checker.depths_at(pose) == pytest.approx([entered.max(), entered[entered > 0.0].sum()])
 
 
