@@ -183,9 +183,10 @@ def test_one_who_walks_behind_another_is_remembered_until_he_is_seen_again():
     assert math.hypot(track.x - 0.9, track.y - (-1.2 + 0.25 * 8.8)) < 0.06
 
 
-def test_two_who_pass_close_by_each_other_keep_their_ways():
+@pytest.mark.parametrize("near, far", [(0.7, 0.95), (1.0, 1.1)], ids=["beside", "brushing"])
+def test_two_who_pass_close_by_each_other_keep_their_ways(near, far):
     def world(t):
-        return [(0.7, -1.0 + 0.2 * t, 0.1), (0.95, 1.0 - 0.2 * t, 0.1)]
+        return [(near, -1.0 + 0.2 * t, 0.1), (far, 1.0 - 0.2 * t, 0.1)]
 
     tracker, rng = Tracker(TrackerParameters()), np.random.default_rng(3)
     for step in range(40):
@@ -194,7 +195,8 @@ def test_two_who_pass_close_by_each_other_keep_their_ways():
         if t < 2.0:
             continue
         for track in tracker.tracks:
-            assert track.vy == pytest.approx(0.2 if track.x < 0.82 else -0.2, abs=0.12), f"at {t:.1f} s: {track}"
+            first, second = (math.hypot(track.x - x, track.y - y) for x, y, _ in world(t))
+            assert track.vy == pytest.approx(0.2 if first < second else -0.2, abs=0.12), f"at {t:.1f} s: {track}"
             assert abs(track.vx) < 0.12, f"at {t:.1f} s: {track}"
     assert len(tracker.tracks) == 2
 
