@@ -194,8 +194,8 @@ class SimpleGoals:
         self._poses: Optional[rospy.Subscriber] = None
         if through_action:
             self._goals = rospy.Publisher(
-                "move_base/goal", move_base_msgs.MoveBaseActionGoal, queue_size=10, tcp_nodelay=True
-            )
+                f"{rospy.remap_name('move_base')}/goal", move_base_msgs.MoveBaseActionGoal, queue_size=10,
+                tcp_nodelay=True)
 
     def check(self) -> None:
         """Subscribe once this node's publisher of goals is connected to its own action server.
@@ -204,7 +204,8 @@ class SimpleGoals:
         """
         if self._poses is None and (self._goals is None or self._goals.impl.has_connection(rospy.get_name())):
             self._poses = rospy.Subscriber(
-                "move_base_simple/goal", PoseStamped, self._take, queue_size=10, tcp_nodelay=True)
+                f"{rospy.remap_name('move_base_simple')}/goal", PoseStamped, self._take, queue_size=10,
+                tcp_nodelay=True)
 
     def _take(self, pose: PoseStamped) -> None:
         if self._goals is not None:

@@ -45,3 +45,20 @@ def test_a_latched_pose_becomes_a_goal_however_early_it_is_there(monkeypatch, th
         assert pursued == [pose]
     else:
         assert len(pursued) == 1
+
+
+def test_a_clicked_pose_drives_a_robot_whose_action_is_remapped(monkeypatch):
+    """The node waited to hear itself on move_base/goal, where its action was not: clicks were lost without a word."""
+    made = {}
+
+    def make(topic, *_arguments, **_options):
+        return made.setdefault(topic, PaperTopic())
+
+    for name, stand_in in {"Publisher": make, "Subscriber": make, "get_name": lambda: "/move_base_node"}.items():
+        monkeypatch.setattr(f"rospy.{name}", stand_in)
+    for name, other in {"move_base": "/robot/navigate", "move_base_simple": "/rviz"}.items():
+        monkeypatch.setitem(rospy.names.get_mappings(), name, other)
+    poses = node.SimpleGoals(None, through_action=True)
+    made["/robot/navigate/goal"].listeners.append("/move_base_node")
+    poses.check()
+    assert "/rviz/goal" in made
