@@ -78,7 +78,7 @@ class MoveBaseFlex:
         _warn_of_stray_groups(config, [name for registry in registries for name in (*registry.names, *registry.failed)])
         for name, doubt in doubts(config):
             rospy.logwarn("parameter %s %s", rospy.resolve_name(f"~{name}"), doubt)
-        self._topics = NavigationTopics(self.navigator, current_goal=not is_move_base)
+        self._topics = NavigationTopics(self.navigator, is_move_base)
         self._planner_topics = topics = PlannerTopics(self.navigator.planners.names)
 
         def publish_plan(name: str, path: Path) -> None:

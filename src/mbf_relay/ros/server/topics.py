@@ -20,16 +20,18 @@ class NavigationTopics:
 
     Args:
         navigator: Its goals and recoveries are published.
-        current_goal: Whether to publish `~current_goal`; False in a node move_base, whose topic of that name differs.
+        is_move_base: Whether this is a node move_base: its `~current_goal` is the relay's, and recovery_status stands
+            beside the action, whatever the node is called.
     """
 
-    def __init__(self, navigator: Navigator, current_goal: bool = True) -> None:
+    def __init__(self, navigator: Navigator, is_move_base: bool) -> None:
         self._navigator = navigator
         self._goals = {
             kind: rospy.Publisher(f"~{kind}_goal", PoseStamped, queue_size=1) for kind in ("planner", "controller")
         }
-        self._current_goal = rospy.Publisher("~current_goal", PoseStamped, queue_size=1) if current_goal else None
-        self._recovery_status = rospy.Publisher("~recovery_status", RecoveryStatus, queue_size=10)
+        self._current_goal = rospy.Publisher("~current_goal", PoseStamped, queue_size=1) if not is_move_base else None
+        namespace = f"{rospy.remap_name('move_base')}/" if is_move_base else "~"
+        self._recovery_status = rospy.Publisher(f"{namespace}recovery_status", RecoveryStatus, queue_size=10)
         navigator.recovery_watcher = self._tell_recovery
 
     def publish(self, now: float) -> None:
