@@ -58,7 +58,10 @@ def as_received(message: Any, kind: Any, sender: Optional[str] = "/driver") -> A
 
 
 class Listener:
-    """Keeps every message of a topic, from any thread."""
+    """Keeps every message of a topic, from any thread.
+
+    With `connected` there is a publisher already by whose connection messages can come.
+    """
 
     def __init__(self, topic: str, message_type: Any, connected: bool = False) -> None:
         import rospy
@@ -69,7 +72,14 @@ class Listener:
             topic, message_type, self.messages.append, queue_size=1000, tcp_nodelay=True
         )
         if connected:
-            wait_until(lambda: self._subscriber.get_num_connections() > 0, f"a publisher of {topic}")
+            wait_until(lambda: self.publishers, f"a publisher of {topic}")
+
+    @property
+    def publishers(self) -> List[str]:
+        """The nodes it is connected to; a message that comes once is lost to a connection that rospy only counts."""
+        from mbf_relay.ros.common.connected_nodes import connected_nodes
+
+        return list(connected_nodes(self._subscriber))
 
     @property
     def last(self) -> Optional[Any]:

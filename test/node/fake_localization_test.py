@@ -39,6 +39,8 @@ class TestFakeLocalization(unittest.TestCase):
         cls.truth = connected_publisher("base_pose_ground_truth", Odometry)
         cls.initial_pose = connected_publisher("initialpose", PoseWithCovarianceStamped)
         cls.tf = connected_publisher("/tf", TFMessage)
+        node = rospy.resolve_name("fake_localization")
+        wait_until(lambda: node in cls.transforms.publishers, "a connection for map -> odom")
         cls.stamp = rospy.Time(0)
 
     def send(self, truth, odometry=True, **odd):

@@ -74,7 +74,7 @@ class RelayCase(unittest.TestCase):
     @classmethod
     def start_server(cls):
         cls.server = subprocess.Popen([sys.executable, SERVER])
-        wait_until(lambda: cls.report._subscriber.get_num_connections(), "the server's report")
+        wait_until(lambda: cls.report.publishers, "the server's report")
 
     @classmethod
     def kill_server(cls):

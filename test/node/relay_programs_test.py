@@ -39,7 +39,7 @@ class RelayProgramsTest(RelayCase):
         results = Listener("second/move_base/result", Result)
         with started("move_base_relay", "__ns:=second", "_server:=/move_base_flex") as relay:
             goals = connected_publisher("second/move_base/goal", MoveBaseActionGoal)
-            wait_until(results._subscriber.get_num_connections, "the second relay")
+            wait_until(lambda: results.publishers, "the second relay")
             self.send("drive", x=91.0, goals=goals)
             wait_until(lambda: self.reported("goal drive 91.0"), "the goal at the server")
             relay.send_signal(signal.SIGINT)

@@ -150,5 +150,5 @@ class WebViewCase(unittest.TestCase):
         self.robot.show_map()
         client = self.connect()
         client.layer("state", lambda state: state["has_map"] and state["move_base"], "with a map")
-        wait_until(lambda: self.robot.velocity._subscriber.get_num_connections(), "web_view to offer velocities")
+        wait_until(lambda: self.robot.velocity.publishers, "web_view to offer velocities")
         return client
