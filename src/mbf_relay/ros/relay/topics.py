@@ -58,8 +58,9 @@ PASSED = (
 class LazyTopic(rospy.SubscribeListener):
     """A topic that is passed on, without deserializing it, while it has subscribers.
 
-    It subscribes anew for each new subscriber, since servers send the whole costmap to new subscribers only. `_lock`
-    guards the subscription against rospy's threads.
+    It subscribes anew for each new subscriber, since servers send the whole costmap to new subscribers only; not to a
+    costmap's changes, one of which would be lost to those who listen already. `_lock` guards the subscription against
+    rospy's threads.
     """
 
     def __init__(self, name: str, message: Any, source: Callable[[], str]) -> None:
@@ -71,6 +72,7 @@ class LazyTopic(rospy.SubscribeListener):
             source: Returns the name of the topic to subscribe to; called for each new subscriber.
         """
         self._unread, self._source = unread(message), source
+        self._is_change = message is OccupancyGridUpdate
         self._lock = threading.Lock()
         self._subscriber: Optional[rospy.Subscriber] = None
         self._publisher = rospy.Publisher(name, self._unread, subscriber_listener=self, queue_size=5, tcp_nodelay=True)
@@ -78,6 +80,8 @@ class LazyTopic(rospy.SubscribeListener):
     def peer_subscribe(self, _name: str, _publish: Any, _peer_publish: Any) -> None:
         """Subscribe to the source, or subscribe anew."""
         with self._lock:
+            if self._subscriber is not None and self._is_change:
+                return
             self._leave()
             self._subscriber = rospy.Subscriber(
                 self._source(), self._unread, lambda message: self._publisher.publish(message),
