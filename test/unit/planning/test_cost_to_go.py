@@ -9,7 +9,7 @@ import pytest
 from mbf_relay.outcomes import PlanningError, PlanOutcome
 from mbf_relay.planning.planner import Cancellation
 from mbf_relay.planning.search import queue_kernels
-from mbf_relay.planning.search.incremental_field import CostToGo
+from mbf_relay.planning.search.incremental_field import CostToGo, FastMarchingPotential
 from mbf_relay.planning.weights import navfn_weights, path_cost
 
 WEIGHTS = navfn_weights(allow_unknown=True)
@@ -138,6 +138,21 @@ def test_a_local_change_is_repaired_locally():
     found = plan(field, costs, WEIGHTS, (10, 10), (290, 280), Cancellation())
     assert found[1] == pytest.approx(reference_cost(costs, WEIGHTS, (10, 10), (290, 280)), rel=2e-6)
     assert field.invalidated is not None and field.expanded < whole / 5
+
+
+@pytest.mark.parametrize("kind", [CostToGo, FastMarchingPotential])
+def test_after_a_long_drive_a_new_map_is_still_planned_on_anew(kind):
+    """All that the updates on the way had expanded counted as the field's, and a new map took four times as long."""
+    rng = np.random.default_rng(1)
+    costs, field, start, goal = np.full((120, 120), 20, np.uint8), kind(), (10, 10), (110, 110)
+    for _ in range(200):
+        x, y = rng.integers(20, 90, 2)
+        costs[y:y + 8, x:x + 8] = rng.integers(0, 200)
+        field.reach(costs, WEIGHTS, start, goal, Cancellation())
+    assert field.invalidated is not None
+    costs[20:100, 20:100] = rng.integers(0, 200, (80, 80))
+    field.reach(costs, WEIGHTS, start, goal, Cancellation())
+    assert field.invalidated is None
 
 
 def test_cost_grows_with_the_free_area_not_with_the_map():

@@ -17,7 +17,8 @@ Cell = Tuple[int, int]
 """Column and row."""
 
 WORTH_UPDATING = 0.1
-"""Share of the expanded cells that may have changed for an update; with more, growing a new field is faster."""
+"""Share of the expanded cells that may have changed for an update; with more, growing a new field is faster: four times
+where all have changed. 0 for an update only where nothing has."""
 
 STORE_PER_CELL = 4
 """Entries waiting per expanded cell above which growing a new field is faster."""
@@ -30,8 +31,9 @@ _FIRST_STORE = 1 << 12
 class IncrementalField(abc.ABC):
     """Costs to go from the cells of a grid to one goal, exact for every cell a plan needs.
 
-    For the same goal, the next call first updates the field where costs changed, and then grows it only if it does not
-    reach the start yet. Its values equal those of a field grown from scratch.
+    For the same goal, the next call first updates the field where costs changed, unless too many did (WORTH_UPDATING),
+    and then grows it only if it does not reach the start yet. Its values are those of a field grown from scratch, up to
+    rounding.
 
     Attributes:
         expanded: Cells expanded in the last call, for benchmarks.
@@ -51,6 +53,7 @@ class IncrementalField(abc.ABC):
         self._goal: Optional[Cell] = None
         self.table = np.zeros(256, dtype=np.float32)
         self._revision = 0
+        self._grown = 0  # cells expanded once, without what updates expanded again
         self._slope = np.float32(0.0)
         self._weights = b""  # as bytes: ten times faster to compare
         self._highest = np.float32(0.0)  # of the weights
@@ -99,6 +102,8 @@ class IncrementalField(abc.ABC):
             self._slope = self._lowest_weight(costs) * _HEURISTIC_SHARE
         verdict = self._grow(costs, start, cancelled, np.float32(0.0) if all_around else self._slope, expected)
         self.expanded = int(self._state[queue_kernels.EXPANDED]) - before
+        if not self.invalidated:
+            self._grown += self.expanded
         if self.expanded or self._revision != revision or revision == 0:
             self._remember(costs)
         self._revision = revision
@@ -120,7 +125,7 @@ class IncrementalField(abc.ABC):
             raise PlanningError(
                 PlanOutcome.MAP_ERROR,
                 f"the costmap has {width} x {height} cells; planners take at most {LARGEST_SIDE} each way")
-        self.invalidated = None
+        self.invalidated, self._grown = None, 0
         if self._field.shape != costs.shape:
             self._field = np.zeros(costs.shape, dtype=np.float32)
             self._seen = np.zeros(costs.shape, dtype=np.uint8)
@@ -175,7 +180,7 @@ class IncrementalField(abc.ABC):
             return False
         if len(changed) == 0:
             return True
-        if waiting > STORE_PER_CELL * int(self._state[queue_kernels.EXPANDED]) + _FIRST_STORE:
+        if waiting > STORE_PER_CELL * self._grown + _FIRST_STORE:
             return False  # after many updates the same cells wait several times
         unsupported = np.empty(self._seen[self._looked_at()].size + 9 * len(changed), dtype=np.int32)
         forgotten = int(self.kernels.invalidate(costs, self.table, self._field, changed, unsupported))
@@ -191,7 +196,7 @@ class IncrementalField(abc.ABC):
         """Return the cells, (N, 2), whose costs changed since the field was grown; None for too many."""
         rows, columns = self._looked_at()
         height, width = costs.shape
-        most = int(WORTH_UPDATING * max(int(self._state[queue_kernels.EXPANDED]), 1))
+        most = int(WORTH_UPDATING * self._grown)
         changed = np.empty((most, 2), dtype=np.int32)
         found = queue_kernels.changed_cells(
             costs, self._seen, columns.start, rows.start, min(columns.stop, width), min(rows.stop, height), changed)
