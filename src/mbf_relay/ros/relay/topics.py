@@ -88,10 +88,10 @@ class LazyTopic(rospy.SubscribeListener):
                 buff_size=1 << 22, tcp_nodelay=True,
             )
 
-    def peer_unsubscribe(self, _name: str, listeners: int) -> None:
-        """Unsubscribe from the source if that was the last subscriber."""
+    def peer_unsubscribe(self, _name: str, _listeners: int) -> None:
+        """Unsubscribe from the source if that was the last subscriber, by their number now: another may have come."""
         with self._lock:
-            if listeners == 0:
+            if self._publisher.get_num_connections() == 0:
                 self._leave()
 
     def _leave(self) -> None:
@@ -144,10 +144,10 @@ class RecoveryTopic(rospy.SubscribeListener):
                     rospy.Subscriber(f"{self._server}/recovery/goal", RecoveryActionGoal, self._take),
                 ]
 
-    def peer_unsubscribe(self, _name: str, listeners: int) -> None:
-        """Unsubscribe if that was the last subscriber."""
+    def peer_unsubscribe(self, _name: str, _listeners: int) -> None:
+        """Unsubscribe if that was the last subscriber, by their number now: another may have come."""
         with self._lock:
-            if listeners == 0:
+            if self._publisher.get_num_connections() == 0:
                 for subscriber in self._subscribers:
                     subscriber.unregister()
                 self._subscribers = []
