@@ -102,6 +102,16 @@ def test_a_frame_of_zones_that_does_not_exist_is_told(zoned):
     assert said and all("layer 'floor'" in text and "'site'" in text for text in said)
 
 
+@pytest.mark.parametrize("enabled", [True, False])
+def test_a_map_of_a_layer_that_is_switched_off_needs_no_place(monkeypatch, enabled):
+    """Every 5 s came the warning that its map cannot be placed, which nobody uses."""
+    made = make(LostFrames, type="nav2_costmap_2d::KeepoutFilter", enabled=enabled)
+    made._maps = [SimpleNamespace(layer="floor", frame="site")]
+    monkeypatch.setattr(made, "_map_warnings", mock.MagicMock())
+    assert made._place_maps() is not enabled
+    assert made._map_warnings.say.called is enabled
+
+
 @pytest.mark.parametrize("areas, is_placed", [([], True), ([[1.0, 1.0]], False)])
 def test_a_robot_without_a_map_does_not_wait_for_the_place_of_zones_that_there_are_none_of(areas, is_placed):
     """With a prohibition layer whose areas were never loaded, one that knows odometry alone stood for good."""

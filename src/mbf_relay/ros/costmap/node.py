@@ -218,13 +218,15 @@ class CostmapNode:
             return None
 
     def _place_maps(self) -> bool:
-        """Give the layers the present transforms from the costmap's frame to their maps'.
+        """Give the enabled layers the present transforms from the costmap's frame to their maps'.
 
         Returns:
-            Whether every enabled layer's map has a place; it keeps its last where the transform is lost.
+            Whether every such map has a place; it keeps its last where the transform is lost.
         """
-        frames = {source.layer: source.frame for source in self._maps if source.frame is not None}
-        frames.update((layer.name, layer.map_frame) for layer in self.costmap.layers if layer.map_frame)
+        of_messages = {source.layer: source.frame for source in self._maps}
+        frames = {layer.name: layer.map_frame or of_messages.get(layer.name)
+                  for layer in self.costmap.layers if layer.enabled}
+        frames = {name: frame for name, frame in frames.items() if frame is not None}
         troubles, here = [], self.costmap.frame
         for layer, frame in frames.items():
             try:
@@ -238,8 +240,7 @@ class CostmapNode:
             return True
         trouble = "; ".join(troubles)
         self._map_warnings.say(trouble)
-        active = [layer.name for layer in self.costmap.layers if layer.enabled]
-        if all(self._placed.get(name) == frames.get(name) for name in active):
+        if all(self._placed.get(layer) == frame for layer, frame in frames.items()):
             return True
         self.costmap.note_failure(trouble)
         return False
