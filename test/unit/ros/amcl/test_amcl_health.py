@@ -1,5 +1,6 @@
 """What amcl's diagnostics say of its scans."""
 
+import numpy as np
 import pytest
 import rospy
 import tf2_ros
@@ -48,6 +49,14 @@ def test_levels_mean_something(stamps, now, has_map, match, waiting, level, word
     assert told[0] == level and words in told[1]
 
 
+@pytest.mark.parametrize("deviations, level", [
+    ((0.1, 0.2, 0.05), diagnostics.OK), ((0.3, 0.1, 0.05), diagnostics.WARN), ((0.1, 0.1, 0.2), diagnostics.WARN)])
+def test_who_looks_after_a_robot_is_told_that_it_is_not_sure_where_it_is(deviations, level):
+    parameters = AmclParameters(std_warn_level_x=0.2, std_warn_level_y=0.3, std_warn_level_yaw=0.1)
+    told = health.deviation_report(parameters, np.diag(np.square(deviations)), {})
+    assert told[0] == level and [told[2][f"std_{axis}"] for axis in ("x", "y", "yaw")] == pytest.approx(deviations)
+
+
 def test_values_are_told_whatever_the_level():
     _, _, values = watch(0.0, 0.2, 0.4).report(0.5, True, 0.914, False, no_timings())
     assert values["share of the scan on the map's walls [%]"] == "91"
@@ -58,7 +67,7 @@ def test_it_is_told_once_where_odometry_begins_anew(monkeypatch):
     """A robot whose base's driver was restarted again and again drove on, and nothing said so."""
     told, made = [], ScanWatch()
     monkeypatch.setattr(rospy, "logwarn", lambda text, *values: told.append(text % values))
-    for jumps in 0, 1, 1, 2:
+    for jumps in 0, 0, 1, 1, 2:
         made.warn_of_jumps(jumps, Pose2D(0.1, 0.0, -0.3))
     assert len(told) == 2 and "odometry has jumped to x 0.10, y 0.00, yaw -0.30" in told[0]
 
@@ -109,7 +118,7 @@ def test_tf_is_not_blamed_for_a_long_search(monkeypatch):
 def test_of_a_search_that_could_not_look_everywhere_it_is_told_once(monkeypatch):
     told, made = [], ScanWatch()
     monkeypatch.setattr(rospy, "logwarn", lambda text, *values: told.append(text % values))
-    for searched in 1.0, 0.062, 0.062, 1.0:
+    for searched in 1.0, 0.062, 0.062, 0.062, 1.0:
         made.warn_of_search(searched)
     assert len(told) == 1 and "6.2 % was looked at" in told[0]
 

@@ -50,3 +50,9 @@ def test_a_master_that_hung_is_told_the_newest_pose_and_none_that_came_before(mo
     answers.set()
     wait_until(lambda: told and told[-1] == 99.0, "the newest pose to be saved", 5.0)
     assert told == [0.0, 99.0]
+
+
+def test_a_pose_goes_on_being_saved_after_time_was_set_back_and_no_more_often_than_asked_for():
+    saved = SavedPose()
+    assert [saved.take_turn(now, 0.5) for now in (10.0, 11.9, 12.0, 3.0, 4.0)] == [True, False, True, True, False]
+    assert not saved.take_turn(100.0, 0.0)
