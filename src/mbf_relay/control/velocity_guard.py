@@ -216,7 +216,7 @@ class VelocityGuard:
         limit, unseen = max((self._share_in_sight(asked, sight) for sight in sights), key=lambda found: found[0])
         if not in_the_way and limit >= 1.0:
             return Verdict(asked, PASSING, "passing")
-        if in_the_way and share <= limit:
+        if share <= limit:
             return _slowed(asked, share, OBSTACLE, in_the_way)
         return _slowed(asked, limit, UNSEEN, unseen)
 
