@@ -320,18 +320,24 @@ def test_the_whole_map_is_shown_however_it_is_turned_and_as_large_as_it_is(page,
     assert outside == []
 
 
-def test_a_page_in_a_hidden_tab_keeps_its_connection(page):
+def test_a_page_keeps_its_connection_while_its_tab_is_hidden_and_when_it_is_shown_again(page):
     """With timers once a minute it pinged as seldom, took the silence between for a lost connection, and began anew."""
     kept = page.driver.execute_script("""
-        const connection = page.connection, sent = [], kept = [];
-        for (const hidden of [true, false]) {
-          Object.defineProperty(document, "hidden", { configurable: true, get: () => hidden });
-          clearTimeout(connection.retry);
-          connection.socket = { readyState: WebSocket.OPEN, send: (wish) => sent.push(wish), close() {} };
-          connection.heard = performance.now() - 60000;
-          connection.watch();
-          kept.push(connection.socket !== null);
+        const connection = page.connection, kept = [];
+        const now = performance.now.bind(performance);
+        let later = 0;
+        performance.now = () => now() + later;
+        clearTimeout(connection.retry);
+        const socket = { readyState: WebSocket.OPEN, send: (wish) => socket.sent = JSON.parse(wish).do, close() {} };
+        connection.socket = socket;
+        connection.take(socket, '{"say": "pong"}');
+        for (const [wait, answered] of [[60000, true], [60000, false], [2000, false], [6000, false]]) {
+          later += wait;
+          socket.sent = "";
+          document.dispatchEvent(new Event("visibilitychange"));
+          kept.push(connection.socket === socket && socket.sent === "ping");
+          if (answered) connection.take(socket, '{"say": "pong"}');
         }
-        delete document.hidden;
-        return [...kept, sent.length];""")
-    assert kept == [True, False, 1]
+        delete performance.now;
+        return kept;""")
+    assert kept == [True, True, True, False]

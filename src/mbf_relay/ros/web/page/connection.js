@@ -28,14 +28,14 @@ export class Connection {
     socket.binaryType = "arraybuffer";
     this.socket = socket;
     this.reason = "";
-    this.heard = performance.now();
+    this.asked = performance.now();  // when the first question was sent that no answer has followed; 0 for none
     socket.onopen = () => socket.send(JSON.stringify({ do: "hello", token: this.token, robot: this.robot }));
     socket.onmessage = (event) => this.take(socket, event.data);
     socket.onclose = (event) => { if (socket === this.socket) this.lost(event); };
   }
 
   take(socket, data) {
-    this.heard = performance.now();
+    this.asked = 0;
     if (typeof data === "string") {
       const message = JSON.parse(data);
       if (message.say === "welcome") {
@@ -96,14 +96,18 @@ export class Connection {
     if (this.socket) this.drop();
   }
 
-  // A connection that died without a word, as when a laptop sleeps, is only known by its silence; not in a hidden tab,
-  // whose timers a browser lets run once a minute.
+  // A connection that died without a word, as when a laptop sleeps, is only known by a question that stays unanswered;
+  // silence alone is none: a hidden tab, whose timers a browser lets run once a minute, asks as seldom.
   watch() {
     if (!this.socket) return;
-    if (!document.hidden && performance.now() - this.heard > SILENCE) {
+    const now = performance.now();
+    if (this.asked && now - this.asked > SILENCE) {
       this.drop();
       this.lost();
-    } else this.send({ do: "ping", time: Math.round(performance.now()) });
+    } else {
+      if (!this.asked) this.asked = now;
+      this.send({ do: "ping", time: Math.round(now) });
+    }
   }
 
   hurry() {
