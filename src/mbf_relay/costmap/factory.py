@@ -211,7 +211,7 @@ def unknown_names(values: Mapping[str, Any]) -> Dict[str, str]:
     for _, type_name, _ in groups:
         read.update(PARENT_NAMES.get(type_name, ()))
     below: Dict[str, str] = {}
-    sources: Dict[str, Any] = {}
+    sources: Dict[str, Tuple[Any, Type[SourceParameters]]] = {}
     for layer_name, type_name, group in groups:
         try:
             kind = layer_class(type_name, group).Parameters
@@ -223,10 +223,10 @@ def unknown_names(values: Mapping[str, Any]) -> Dict[str, str]:
                 below[f"{prefix}{name}"] = kind.hint(name)
         if issubclass(kind, (ObstacleLayerParameters, TrackLayerParameters)):
             for source in kind.groups(group):
-                sources[f"{prefix}{source}"] = group.get(source, {})
-    for prefix, group in sources.items():
-        for name in SourceParameters.unknown_names(group):
-            below[f"{prefix}/{name}"] = SourceParameters.hint(name)
+                sources[f"{prefix}{source}"] = group.get(source, {}), getattr(kind, "source_kind", SourceParameters)
+    for prefix, (group, source_kind) in sources.items():
+        for name in source_kind.unknown_names(group):
+            below[f"{prefix}/{name}"] = source_kind.hint(name)
     read.update(sources, (name for name, _, _ in groups))
     here = [*CostmapParameters.names(), *sorted(read)]
     own = {

@@ -50,7 +50,9 @@ class ObstacleLayerParameters(ParameterSet):
     source_parameters: Mapping[str, SourceParameters] = parameter({}, "read from the sources' groups; not to be set")
 
     source_defaults: ClassVar[Mapping[str, Any]] = {}
-    """Defaults of this layer's sources that differ from those of SourceParameters."""
+    """Defaults of this layer's sources that differ from those of `source_kind`."""
+    source_kind: ClassVar[Type[SourceParameters]] = SourceParameters
+    """Class of its sources' parameters."""
 
     @classmethod
     def known(cls, values: Mapping[str, Any]) -> Dict[str, Any]:
@@ -84,7 +86,7 @@ class ObstacleLayerParameters(ParameterSet):
                     f"parameter {name} is {group!r}; it must be the group of the observation source's parameters"
                 )
             try:
-                source, notes = SourceParameters.read({**inherited, **group})
+                source, notes = cls.source_kind.read({**inherited, **group})
                 if source.data_type == RANGE:
                     raise ValueError("its data_type is Range, which range_sensor_layer::RangeSensorLayer takes")
             except ValueError as error:

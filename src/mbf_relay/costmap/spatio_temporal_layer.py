@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, ClassVar, Dict, Mapping
+from typing import Any, ClassVar, Dict, Mapping, Type
 
 import numpy as np
 
 from mbf_relay.costmap.cost_grid import LETHAL, Window
 from mbf_relay.costmap.layer import LayerContext, shifted
+from mbf_relay.costmap.observation_source import SourceParameters
 from mbf_relay.costmap.obstacle_layer import ObstacleLayer, ObstacleLayerParameters
 from mbf_relay.grid import Grid
 from mbf_relay.parameters import parameter, without_effect
@@ -20,6 +21,28 @@ NEVER = -np.inf
 """Time (s) at which cells without observations were last seen."""
 
 
+FRUSTUM = "rays free what they pass, and there is no frustum"
+ALL_POINTS = "every point of the newest message is used"
+
+
+@dataclass(frozen=True)
+class SpatioTemporalSourceParameters(SourceParameters):
+    """Parameters of one sensor of an obstacle layer; from enabled on, the spatio-temporal layer's alone."""
+
+    enabled: bool = without_effect(True, "leave the source out of observation_sources instead")
+    min_z: float = without_effect(0.0, FRUSTUM, unit="m")
+    max_z: float = without_effect(10.0, FRUSTUM, unit="m")
+    vertical_fov_angle: float = without_effect(0.7, FRUSTUM, unit="rad")
+    vertical_fov_padding: float = without_effect(0.0, FRUSTUM, unit="m")
+    horizontal_fov_angle: float = without_effect(1.04, FRUSTUM, unit="rad")
+    decay_acceleration: float = without_effect(0.0, FRUSTUM, unit="1/s^2")
+    model_type: int = without_effect(0, FRUSTUM)
+    voxel_filter: bool = without_effect(False, ALL_POINTS)
+    filter: str = without_effect("passthrough", ALL_POINTS)
+    voxel_min_points: int = without_effect(0, ALL_POINTS)
+    clear_after_reading: bool = without_effect(False, "an obstacle is last seen when its message was measured")
+
+
 @dataclass(frozen=True)
 class SpatioTemporalLayerParameters(ObstacleLayerParameters):
     """Parameters of the spatio-temporal layer, by spatio_temporal_voxel_layer's names; each source has its own group.
@@ -27,6 +50,7 @@ class SpatioTemporalLayerParameters(ObstacleLayerParameters):
 
     source_defaults: ClassVar[Mapping[str, Any]] = {
         "data_type": "PointCloud2", "obstacle_range": 3.0, "max_obstacle_height": 3.0}
+    source_kind: ClassVar[Type[SourceParameters]] = SpatioTemporalSourceParameters
 
     voxel_decay: float = parameter(
         -1.0, "how long an obstacle out of sight is kept, with decay_model 0; below 0 until a ray frees it", unit="s")
@@ -40,6 +64,8 @@ class SpatioTemporalLayerParameters(ObstacleLayerParameters):
         minimum=0.0, maximum=50.0)
     voxel_size: float = without_effect(0.05, "cells have the costmap's resolution", unit="m")
     mark_threshold: int = without_effect(0, "one point is enough for an obstacle, as with 0 in C++", minimum=0)
+    unknown_threshold: int = without_effect(15, "the C++ layer does not read it either", minimum=0)
+    origin_z: float = without_effect(0.0, "the C++ layer does not read it either", unit="m")
     publish_voxel_map: bool = without_effect(False, "there are no voxels to publish")
     mapping_mode: bool = without_effect(False, "there are no voxels to save")
     map_save_duration: float = without_effect(60.0, "there are no voxels to save", unit="s")

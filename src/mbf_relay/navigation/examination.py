@@ -164,6 +164,8 @@ def _examine_costmap(found: Examination, side: str) -> None:
     for layer in costmap.layers:
         found.add(USED, f"{side}/{layer.name}", f"{type(layer).__name__}")
         _note_in_vain(found, f"{side}/{layer.name}/", layer.parameters)
+        for name, source in layer.sources.items():
+            _note_in_vain(found, f"{side}/{layer.name}/{name}/", source)
 
 
 def _examine_plugins(found: Examination, listed: PluginList[Any]) -> List[str]:

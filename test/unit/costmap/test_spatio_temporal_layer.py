@@ -139,3 +139,20 @@ def test_a_robot_whose_layer_has_no_sensor_is_told_so():
     blind = {**FILE, "rgbd": {"voxel_decay": DECAY}}
     found = examine_move_base({"local_costmap": blind, "global_costmap": {"robot_radius": 0.2}})
     assert "local_costmap/rgbd/observation_sources" in {finding.name for finding in found.of(DOUBTFUL)}
+
+
+def test_what_only_the_c_layer_has_is_told_as_such_and_not_as_misspelt():
+    """A dozen warnings "is not known here" greeted everybody whose file followed that layer's examples."""
+    source = {
+        "topic": "/camera/points", "data_type": "PointCloud2", "enabled": True, "clearing": True, "marking": False,
+        "max_z": 7.0, "min_z": 0.1, "vertical_fov_angle": 0.8745, "vertical_fov_padding": 0.05,
+        "horizontal_fov_angle": 1.048, "decay_acceleration": 15.0, "model_type": 1, "voxel_filter": False,
+        "filter": "voxel", "voxel_min_points": 2, "clear_after_reading": True}
+    rgbd = {**FILE["rgbd"], "unknown_threshold": 12, "origin_z": 0.1, "mark": source, "mapping_mode": False}
+    file = {**FILE, "rgbd": rgbd}
+    assert unknown_names(file) == {}
+    assert list(unknown_names({**file, "rgbd": {**rgbd, "mark": {**source, "max_zz": 7.0}}})) == ["rgbd/mark/max_zz"]
+    found = examine_move_base({"local_costmap": file})
+    told = {f.name: f.text for f in found.of(IGNORED) if f.name.startswith("local_costmap/rgbd")}
+    assert "no frustum" in told["local_costmap/rgbd/mark/max_z"] and "local_costmap/rgbd/origin_z" in told
+    assert "local_costmap/rgbd/mark/voxel_filter" not in told, "it is at the C++ layer's default"
