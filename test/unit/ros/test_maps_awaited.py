@@ -112,6 +112,18 @@ def test_a_map_of_a_layer_that_is_switched_off_needs_no_place(monkeypatch, enabl
     assert made._map_warnings.say.called is enabled
 
 
+def test_a_layer_that_is_switched_on_during_an_update_is_shown_where_its_map_lies(zoned):
+    """For a cycle, its zones lay as if their frame were the costmap's."""
+    made, update, _said = zoned
+    made._transforms.site = Pose2D(-2.0, -1.0, 0.0)
+    parameters = made.costmap.layers[0].parameters
+    made.costmap.reconfigure_layer("floor", parameters.replace(enabled=False))
+    made._sensors = {"scan": SimpleNamespace(
+        feed=lambda _now: made.costmap.reconfigure_layer("floor", parameters))}
+    update(100.1)
+    assert closed(made) == pytest.approx([2.5, 1.5], abs=0.05)
+
+
 @pytest.mark.parametrize("areas, is_placed", [([], True), ([[1.0, 1.0]], False)])
 def test_a_robot_without_a_map_does_not_wait_for_the_place_of_zones_that_there_are_none_of(areas, is_placed):
     """With a prohibition layer whose areas were never loaded, one that knows odometry alone stood for good."""

@@ -218,15 +218,14 @@ class CostmapNode:
             return None
 
     def _place_maps(self) -> bool:
-        """Give the enabled layers the present transforms from the costmap's frame to their maps'.
+        """Give the layers the present transforms from the costmap's frame to their maps'.
 
         Returns:
-            Whether every such map has a place; it keeps its last where the transform is lost.
+            Whether every enabled layer's map has a place; it keeps its last where the transform is lost.
         """
-        of_messages = {source.layer: source.frame for source in self._maps}
-        frames = {layer.name: layer.map_frame or of_messages.get(layer.name)
-                  for layer in self.costmap.layers if layer.enabled}
-        frames = {name: frame for name, frame in frames.items() if frame is not None}
+        frames = {source.layer: source.frame for source in self._maps if source.frame is not None}
+        frames.update((layer.name, layer.map_frame) for layer in self.costmap.layers if layer.map_frame)
+        active = [layer.name for layer in self.costmap.layers if layer.enabled]
         troubles, here = [], self.costmap.frame
         for layer, frame in frames.items():
             try:
@@ -234,13 +233,14 @@ class CostmapNode:
                 self.costmap.set_map_from_costmap(place, layer)
                 self._placed[layer] = frame
             except TransformError as error:
-                troubles.append(f"{self._name} cannot place the map of layer '{layer}': {error}")
+                if layer in active:
+                    troubles.append(f"{self._name} cannot place the map of layer '{layer}': {error}")
         if not troubles:
             self._map_warnings.worked()
             return True
         trouble = "; ".join(troubles)
         self._map_warnings.say(trouble)
-        if all(self._placed.get(layer) == frame for layer, frame in frames.items()):
+        if all(self._placed.get(name) == frames.get(name) for name in active):
             return True
         self.costmap.note_failure(trouble)
         return False
