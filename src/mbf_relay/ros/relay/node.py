@@ -194,7 +194,7 @@ class SimpleGoals:
         self._poses: Optional[rospy.Subscriber] = None
         if through_action:
             self._goals = rospy.Publisher(
-                f"{rospy.remap_name('move_base')}/goal", move_base_msgs.MoveBaseActionGoal, queue_size=10,
+                f"{rospy.resolve_name('move_base')}/goal", move_base_msgs.MoveBaseActionGoal, queue_size=10,
                 tcp_nodelay=True)
 
     def check(self) -> None:
@@ -204,7 +204,7 @@ class SimpleGoals:
         """
         if self._poses is None and (self._goals is None or self._goals.impl.has_connection(rospy.get_name())):
             self._poses = rospy.Subscriber(
-                f"{rospy.remap_name('move_base_simple')}/goal", PoseStamped, self._take, queue_size=10,
+                f"{rospy.resolve_name('move_base_simple')}/goal", PoseStamped, self._take, queue_size=10,
                 tcp_nodelay=True)
 
     def _take(self, pose: PoseStamped) -> None:

@@ -133,7 +133,8 @@ class RecoveryTopic(rospy.SubscribeListener):
         self._lock = threading.Lock()
         self._subscribers: List[rospy.Subscriber] = []
         self._publisher = rospy.Publisher(
-            f"{rospy.remap_name('move_base')}/recovery_status", RecoveryStatus, subscriber_listener=self, queue_size=10)
+            f"{rospy.resolve_name('move_base')}/recovery_status", RecoveryStatus, subscriber_listener=self,
+            queue_size=10)
 
     def peer_subscribe(self, _name: str, _publish: Any, _peer_publish: Any) -> None:
         """Subscribe to the server's recoveries."""

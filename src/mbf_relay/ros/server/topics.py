@@ -30,7 +30,7 @@ class NavigationTopics:
             kind: rospy.Publisher(f"~{kind}_goal", PoseStamped, queue_size=1) for kind in ("planner", "controller")
         }
         self._current_goal = rospy.Publisher("~current_goal", PoseStamped, queue_size=1) if not is_move_base else None
-        namespace = f"{rospy.remap_name('move_base')}/" if is_move_base else "~"
+        namespace = f"{rospy.resolve_name('move_base')}/" if is_move_base else "~"
         self._recovery_status = rospy.Publisher(f"{namespace}recovery_status", RecoveryStatus, queue_size=10)
         navigator.recovery_watcher = self._tell_recovery
 

@@ -56,8 +56,8 @@ def test_a_clicked_pose_drives_a_robot_whose_action_is_remapped(monkeypatch):
 
     for name, stand_in in {"Publisher": make, "Subscriber": make, "get_name": lambda: "/move_base_node"}.items():
         monkeypatch.setattr(f"rospy.{name}", stand_in)
-    for name, other in {"move_base": "/robot/navigate", "move_base_simple": "/rviz"}.items():
-        monkeypatch.setitem(rospy.names.get_mappings(), name, other)
+    for name, other in {"/move_base": "/robot/navigate", "/move_base_simple": "/rviz"}.items():
+        monkeypatch.setitem(rospy.names.get_resolved_mappings(), name, other)
     poses = node.SimpleGoals(None, through_action=True)
     made["/robot/navigate/goal"].listeners.append("/move_base_node")
     poses.check()

@@ -108,7 +108,7 @@ class ActionServer:
 
     def open(self) -> None:
         """Advertise the topics; the caller then has to call `update` regularly."""
-        name = rospy.remap_name(self._name)
+        name = rospy.resolve_name(self._name)
         queue = rospy.get_param("actionlib_server_pub_queue_size", 50)
         queue = queue if queue > 0 else 50
         results = max(queue, MANY)  # a result that is dropped leaves its client waiting for ever

@@ -207,7 +207,7 @@ def check_alone(action: str) -> None:
     Raises:
         ValueError: Another node that is alive was first.
     """
-    here, action = rospy.get_name(), rospy.remap_name(action)
+    here, action = rospy.get_name(), rospy.resolve_name(action)
     try:
         answer: Any = impatient_proxy(rosgraph.get_master_uri(), ASK_TIMEOUT).getSystemState(here)
     except NO_ANSWER:

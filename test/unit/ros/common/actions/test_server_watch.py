@@ -194,7 +194,7 @@ def asked_of(monkeypatch, others, listening, ask):
     monkeypatch.setattr(server_watch, "impatient_proxy", lambda *_: SimpleNamespace(getSystemState=lambda _: state))
     monkeypatch.setattr(server_watch, "ask_node", ask)
     monkeypatch.setattr(rospy, "get_name", lambda: "/here")
-    monkeypatch.setattr(rospy, "resolve_name", lambda name: f"/{name}")
+    monkeypatch.setattr(rospy, "resolve_name", lambda name: f"/{name.lstrip('/')}")
 
 
 @pytest.mark.parametrize("others, listening, alive, refused", [
@@ -231,7 +231,7 @@ def test_a_node_does_not_wait_for_a_master_that_is_gone_to_learn_whether_it_is_a
 
     monkeypatch.setattr(server_watch, "impatient_proxy", lambda *_: SimpleNamespace(getSystemState=refuse))
     monkeypatch.setattr(rospy, "get_name", lambda: "/here")
-    monkeypatch.setattr(rospy, "resolve_name", lambda name: f"/{name}")
+    monkeypatch.setattr(rospy, "resolve_name", lambda name: f"/{name.lstrip('/')}")
     check_alone("move_base")
 
 
