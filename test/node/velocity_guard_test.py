@@ -83,8 +83,12 @@ class TestVelocityGuard(unittest.TestCase):
     def start_driving(self):
         """Drive until the robot moves and what passes is what is asked for: what comes late stops it meanwhile."""
         start = self.x()
-        self.drive_until(lambda: self.x() > start + 0.02 and self.passed.last == forward(0.2), "the robot to drive")
-        self.known_states = len(self.states.messages)
+
+        def drives():
+            self.known_states = len(self.states.messages)  # noted first: what ends the drive may be told any moment
+            return self.x() > start + 0.02 and self.passed.last == forward(0.2)
+
+        self.drive_until(drives, "the robot to drive")
 
     def check_state(self, words):
         """Check that the guard says so of what has happened since the robot drove."""
