@@ -41,6 +41,16 @@ def test_a_pose_by_tf_that_stays_while_odometry_goes_on_or_turns_is_not_driven_b
     assert not any(found[:5]) and ("repeats itself" in found[-1] if is_told else not any(found))
 
 
+def test_a_robot_that_stops_is_driven_by_tf_although_its_odometry_comes_later():
+    """Odometry was still on its way when tf had come to rest: its last steps are no motion that tf does not see."""
+    monitor, found = TransformMonitor(), []
+    for count in range(40):
+        now = 0.05 * count
+        pose, told = (HERE.compose(Pose2D(0.5 * min(time, 1.0), 0.0, 0.0)) for time in (now, now - 0.08))
+        found.append(monitor.trouble(now, pose, now - 0.08, told))
+    assert not any(found)
+
+
 @pytest.mark.parametrize("readings", [
     [(HERE, STOP)] * 20, [(IDENTITY, FORWARD)] * 20,
     [(HERE._replace(x=1.0 + 1e-9 * count), FORWARD) for count in range(20)],
@@ -119,6 +129,15 @@ def test_a_robot_that_drove_while_its_radio_was_silent_is_not_said_to_tell_false
     for count in range(100):
         pose = pose.compose(Pose2D(0.05, 0.0, 0.1))
         assert monitor.believed(0.6 * count, pose, STOP) == STOP
+    assert not monitor.doubt
+
+
+def test_slips_of_half_a_second_are_not_the_fault_of_a_driver_also_where_its_radio_is_silent_between_them():
+    monitor = TwistMonitor()
+    for begin in (0.0, 10.0):
+        for count in range(7):
+            pose = START.compose(CURVE.held(0.1 * count))
+            assert monitor.believed(begin + 0.1 * count, pose, STOP) == STOP
     assert not monitor.doubt
 
 
