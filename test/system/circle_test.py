@@ -28,7 +28,6 @@ from mbf_relay.ros.common.conversions import header, map_from_message, map_to_me
 from mbf_relay.ros.tools.clients import CIRCLE  # noqa: E402
 from mbf_relay.simulation.arena import PILLAR_RADIUS  # noqa: E402
 
-CLIENT = "mb_relay_client.py"
 NEAR = 0.15
 """Metres: the goal tolerance of the parameter file, 0.05, and what localization may be off."""
 
@@ -104,9 +103,10 @@ class TestCircleAndLockstep(TestCircle):
     """The same parts with the same files, on the same map, give two drives of one kind."""
 
     def test_the_nodes_and_lockstep_drive_alike(self):
-        if CLIENT not in self.trajectories:
-            self.drive(CLIENT)
-        by_nodes = self.trajectories[CLIENT]
+        client = CLIENTS[0]
+        if client not in self.trajectories:
+            self.drive(client)
+        by_nodes = self.trajectories[client]
         rospy.ServiceProxy("simulator/pause", Empty)()  # nobody looks at the nodes meanwhile, and they compute on
         try:
             result = Episode(circle(), make_setup(config_folder()), seed=1).run()
@@ -118,7 +118,7 @@ class TestCircleAndLockstep(TestCircle):
 
         share = time_on_the_way(by_nodes) / time_on_the_way(in_lockstep)
         self.assertGreater(share, 0.9)
-        if self.kept_up[CLIENT]:
+        if self.kept_up[client]:
             self.assertLess(share, 1.1)
         self.assertLess(abs(path_length(by_nodes[:, 1:3]) / result.path_length - 1.0), 0.05)
         self.assertLess(np.median(distances(by_nodes[:, 1:3], in_lockstep[:, 1:3])), 0.1)
@@ -145,7 +145,8 @@ def _test_of(client):
 
 if __name__ == "__main__":
     start_test_node("circle_test")
-    for _client in rospy.get_param("~clients", [CLIENT]):  # each leaves the robot where it found it
+    CLIENTS = rospy.get_param("~clients", ["mb_relay_client.py"])
+    for _client in CLIENTS:  # each leaves the robot where it found it
         setattr(TestCircle, f"test_{os.path.splitext(_client)[0]}_drives_the_circle", _test_of(_client))
     _case = TestCircle if rospy.get_param("~pillars_off", False) else TestCircleAndLockstep
     rostest.rosrun("mbf_relay", "circle", _case)
