@@ -11,12 +11,12 @@ from mbf_relay.navigation import examination as exam
 from mbf_relay.navigation.examination import Examination, Finding
 from mbf_relay.ros.common.logs import plain
 from mbf_relay.ros.common.tf_prefix import ignored_prefix
+from mbf_relay.ros.tools.launch_arguments import check_argument
 from mbf_relay.ros.tools.parameter_source import (
     TYPES,
     Launch,
     LaunchedNode,
     ParameterSource,
-    check_argument,
     read_launch,
     read_yaml,
 )

@@ -8,13 +8,13 @@ import os
 import re
 import shlex
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Callable, Dict, Iterable, List, Mapping, NamedTuple, Sequence, Tuple
+from typing import TYPE_CHECKING, Any, Callable, Dict, Iterable, List, Mapping, NamedTuple, Tuple
 from xml.etree.ElementTree import Element
 
 import yaml
 
 from mbf_relay import files
-from mbf_relay.misspelling import did_you_mean, nearest_of
+from mbf_relay.ros.tools.launch_arguments import check_argument
 
 if TYPE_CHECKING:
     from mbf_relay.ros.tools.substitution import Substitution
@@ -194,20 +194,6 @@ def read_launch(path: str, given: Mapping[str, str]) -> Launch:
     return reader.launch()
 
 
-def arguments_of(path: str) -> List[str]:
-    """Return the names of the arguments that a launch file declares; errors as for `read_launch`."""
-    root = files.read_xml(path)
-    passed_on = {id(argument) for include in root.iter("include") for argument in include}
-    return [element.get("name") or "" for element in root.iter("arg") if id(element) not in passed_on]
-
-
-def check_argument(name: str, paths: Sequence[str]) -> None:
-    """Raise ValueError where no launch file declares an argument, which roslaunch would refuse."""
-    declared = sorted({argument for path in paths for argument in arguments_of(path)})
-    if name not in declared:
-        raise ValueError(f"'{name}' is no argument of {', '.join(paths)}{did_you_mean(nearest_of(name, declared))}")
-
-
 def _joined(*names: str) -> str:
     """Return names joined by slashes, without a leading one; those before an absolute name are dropped."""
     full = ""
@@ -286,21 +272,33 @@ class _LaunchReader:
                     if node.is_server:
                         raise
                     self._parameters.missing.append((name, str(error)))
+        self._take_private(self._words(element), name, element)
         self._launch.nodes.append(node)
 
     def _take_members(self, element: Element, namespace: str) -> None:
         """Take the nodes of TYPES that a compose node runs, each with its command line after a "--"."""
-        text = self._text(element, "args")
-        try:
-            arguments = shlex.split(text)
-        except ValueError as error:
-            raise ValueError(f'{self._path}:{self._lines[element][0]}: args="{text}": {error}') from error
-        for is_between, words in itertools.groupby(arguments, "--".__eq__):
+        for is_between, words in itertools.groupby(self._words(element), "--".__eq__):
             program, *rest = words
             if not is_between and program in TYPES:
                 given = [word[len(NAMED):] for word in rest if word.startswith(NAMED)]
                 name = _joined(namespace, self._text(element, "ns"), (given or [program])[-1])
+                self._take_private(rest, name, element)
                 self._launch.nodes.append(LaunchedNode(name, TYPES[program], self._parameters))
+
+    def _words(self, element: Element) -> List[str]:
+        """Return the words of a node's command line; ValueError where a quotation is not closed."""
+        text = self._text(element, "args")
+        try:
+            return shlex.split(text)
+        except ValueError as error:
+            raise ValueError(f'{self._path}:{self._lines[element][0]}: args="{text}": {error}') from error
+
+    def _take_private(self, words: Iterable[str], name: str, element: Element) -> None:
+        """Take the parameters on a node's command line, such as `_odom_frame_id:=odom`, which override all others."""
+        for word in words:
+            key, assigned, value = word.partition(":=")
+            if assigned and key.startswith("_") and not key.startswith("__"):
+                self._parameters.put(f"{name}/{key[1:]}", _typed(value), f"{self._path}:{self._lines[element][0]}")
 
     def _take_outside(self, element: Element, namespace: str) -> None:
         """Take parameters set outside of a node element; a missing file is an error only for nodes it may concern."""

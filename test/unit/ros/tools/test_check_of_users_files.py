@@ -332,3 +332,17 @@ def test_who_counts_on_a_tf_prefix_is_told_before_the_robot_waits_for_frames(tmp
 def test_a_tf_prefix_that_the_node_does_not_find_is_none_of_its_doubts(tmp_path, place):
     text = (GROUPED % ("", "base_link")).replace("name='tf_prefix'", f"name='/{place}'")
     assert "and is ignored, as by every node that uses tf2" not in check(tmp_path, text, name="nav.launch")[1]
+
+
+def test_parameters_on_a_node_s_command_line_are_read_as_the_node_does(tmp_path):
+    """The planner named there was not known, and its whole group was called ignored."""
+    text = (NODE % "<rosparam>DWAPlannerROS: {max_vel_x: 0.3}</rosparam>").replace(
+        '<param name="base_local_planner" value="dwa_local_planner/DWAPlannerROS"/>', "").replace(
+        'name="move_base">', 'name="move_base" args="cmd_vel:=/wheels '
+        '_base_local_planner:=dwa_local_planner/DWAPlannerROS _DWAPlannerROS/max_vel_theta:=much __log:=nav.log">')
+    status, told = check(tmp_path, text, name="nav.launch")
+    assert status == 1 and "max_vel_theta is 'much'" in told and "nav.launch:2]" in told, told
+    text = text.replace("much", "1.0")
+    assert "ignored" not in check(tmp_path, text, name="nav.launch")[1]
+    amcl = '<launch><node pkg="amcl" type="amcl" name="amcl" args="scan:=front _odom_frame:=odom"/></launch>'
+    assert line_about(check(tmp_path, amcl, name="nav.launch")[1], "odom_frame").endswith("nav.launch:1]")
