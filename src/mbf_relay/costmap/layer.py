@@ -71,7 +71,7 @@ class Layer(Plugin, abc.ABC):
         enabled: False for a layer that updates leave out.
     """
 
-    notice: ClassVar[str] = ""
+    notice: str = ""
     maps_floor: ClassVar[bool] = False
     dynamic_config = "mbf_relay.cfg.CostmapLayerConfig"
 

@@ -81,10 +81,11 @@ class RangeSensorLayer(CellLayer):
     Parameters = RangeSensorLayerParameters
     parameters: RangeSensorLayerParameters
     default_cost = NO_INFORMATION
-    notice = "takes a reading of max_range for no obstacle; the C++ layer adds one if clear_on_max_reading is false"
 
     def __init__(self, name: str, parameters: Any) -> None:
         super().__init__(name, parameters)
+        if not parameters.clear_on_max_reading:
+            self.notice = "takes a reading of max_range for no obstacle; the C++ layer adds one"
         self._probability = np.zeros((0, 0), dtype=np.float32)
         self._readings: Deque[Observation] = deque(maxlen=MOST_READINGS)
         self._heard: Dict[str, float] = {}

@@ -101,6 +101,7 @@ def test_what_is_gone_is_free_again_after_some_readings_and_what_came_is_marked_
 def test_a_reading_of_nothing_frees_the_cone_where_asked(clears):
     costmap = costmap_with(clear_on_max_reading=clears)
     assert costmap.sources[TOPIC].inf_is_valid is clears
+    assert bool(costmap.layers[0].notice) is not clears, "told where the C++ layer does otherwise"
     hear(costmap, 0.6)
     for _ in range(3):
         hear(costmap, 2.0, hit=False)
