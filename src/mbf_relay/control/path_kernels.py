@@ -54,6 +54,23 @@ def look_ahead(poses, way, points):
             points[n, 1] += way * math.sin(poses[n, 2])
 
 
+@kernel("int64(float64[:,::1], float64, float64, float64, float64, float64)")
+def first_near(poses, x, y, theta, apart, turn):
+    """Return the index of the first of `poses` near another one; -1 where none is.
+
+    Args:
+        poses: Shape (N, 3 or more): x, y (m), theta (rad) in its first columns.
+        x, y, theta: The other pose.
+        apart, turn: Distance (m) and angle (rad) below which they are near.
+    """
+    for n in range(poses.shape[0]):
+        dx, dy = poses[n, 0] - x, poses[n, 1] - y
+        if abs(dx) < apart and abs(dy) < apart and math.hypot(dx, dy) < apart:
+            if abs((poses[n, 2] - theta + math.pi) % (2.0 * math.pi) - math.pi) < turn:
+                return n
+    return -1
+
+
 @kernel("float64(float64, int64, float64[::1], float64[:,::1], int64)")
 def _beyond(place, low, places, values, column):
     """Return `interpolate` for a place whose last index not beyond it, `low`, is known."""

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from typing import Optional
 
 import numpy as np
 
+from mbf_relay.control import path_kernels
 from mbf_relay.control.way import Way
 from mbf_relay.costmap.footprint_checker import FootprintChecker
 from mbf_relay.geometry import Pose2D, normalize_angles
@@ -23,34 +25,29 @@ class Trail:
     """
 
     def __init__(self) -> None:
-        self._poses = np.empty((0, 3))
-        self._depths = np.empty((0, 2))
+        self._noted = np.empty((0, 5))  # x, y (m), theta (rad), and the two depths of each pose
         self._frame: Optional[str] = None
 
     def note(self, pose: Pose2D, checker: FootprintChecker) -> None:
         """Note the robot's pose (costmap's frame); where it returns to an earlier one, what lies between is dropped."""
-        away = self._poses - pose
-        distances = np.hypot(away[:, 0], away[:, 1])
-        if len(away) and (checker.costmap.frame != self._frame or distances[-1] > checker.costmap.width):
-            self.__init__()  # type: ignore[misc]  # another frame, or the pose jumped
-            away, distances = away[:0], distances[:0]
-        self._frame = checker.costmap.frame
+        frame, noted = checker.costmap.frame, self._noted
+        if len(noted) and (
+                frame != self._frame or math.dist(noted[-1, :2].tolist(), pose[:2]) > checker.costmap.width):
+            noted = noted[:0]  # another frame, or the pose jumped
+        self._frame = frame
         depths = checker.depths_at(pose)
-        near = np.flatnonzero(distances < APART * checker.step)
-        near = near[np.abs(normalize_angles(away[near, 2])) < APART * checker.turn_step]
-        if len(near):
-            first = int(near[0])
-            self._poses, self._depths = self._poses[:first + 1], self._depths[:first + 1]
-            self._depths[first] = np.maximum(self._depths[first], depths)
+        first = path_kernels.first_near(noted, *pose, APART * checker.step, APART * checker.turn_step)
+        if first >= 0:
+            self._noted = noted[:first + 1]
+            self._noted[first, 3:] = np.maximum(self._noted[first, 3:], depths)
         else:
-            self._poses = np.vstack((self._poses[1 - MOST:], pose))
-            self._depths = np.vstack((self._depths[1 - MOST:], depths))
+            self._noted = np.vstack((noted[1 - MOST:], (*pose, *depths)))
 
     def way_back(self, pose: Pose2D, checker: FootprintChecker) -> Way:
         """Return the way back from `pose`, where the robot is; of one pose alone if nothing was noted."""
-        if not len(self._poses):
+        if not len(self._noted):
             return Way(np.array([pose]), np.full((1, 2), -1.0), checker.costmap.width)
-        corners = np.vstack((pose, self._poses[-2::-1]))
+        corners = np.vstack((pose, self._noted[-2::-1, :3]))
         moves = np.diff(corners, axis=0)
         moves[:, 2] = normalize_angles(moves[:, 2])
         counts = np.ceil(np.maximum(
@@ -58,4 +55,4 @@ class Trail:
         which = np.repeat(np.arange(len(moves)), counts.astype(np.int64))
         share = (np.arange(len(which)) - np.concatenate(([0.0], np.cumsum(counts)[:-1]))[which] + 1.0) / counts[which]
         poses = np.vstack((corners[:1], corners[which] + share[:, None] * moves[which]))
-        return Way(poses, self._depths[::-1][np.append(0, which + 1)], checker.costmap.width)
+        return Way(poses, self._noted[::-1, 3:][np.append(0, which + 1)], checker.costmap.width)

@@ -6,7 +6,7 @@ import pytest
 from mbf_relay.control import path_kernels
 from mbf_relay.control.dwa_parameters import DwaParameters
 from mbf_relay.control.trajectories import STANDING, VelocityWindow, too_slow
-from mbf_relay.geometry import STOP, Twist2D
+from mbf_relay.geometry import STOP, Twist2D, normalize_angles
 
 SEEDS = pytest.mark.parametrize("seed", range(30))
 
@@ -53,6 +53,17 @@ def test_a_point_of_a_path_is_the_one_numpy_finds(seed):
     for place in (*rng.uniform(-0.1, arcs[-1] + 0.1, 20), *arcs):
         found = [path_kernels.interpolate(place, arcs, points, axis) for axis in (0, 1)]
         assert found == [np.interp(place, arcs, points[:, axis]) for axis in (0, 1)]
+
+
+@SEEDS
+def test_the_first_pose_near_another_is_the_one_that_whole_arrays_find(seed):
+    rng = np.random.default_rng(seed)
+    poses = rng.uniform([-0.1, -0.1, -4.0, 0.0], [0.1, 0.1, 4.0, 1.0], (rng.integers(0, 60), 4))
+    x, y, theta = rng.uniform([-0.1, -0.1, -4.0], [0.1, 0.1, 4.0])
+    near = np.hypot(poses[:, 0] - x, poses[:, 1] - y) < 0.05
+    near &= np.abs(normalize_angles(poses[:, 2] - theta)) < 0.5
+    expected = int(np.argmax(near)) if near.any() else -1
+    assert path_kernels.first_near(poses, x, y, theta, 0.05, 0.5) == expected
 
 
 @SEEDS
