@@ -85,17 +85,22 @@ class CommandDelay:
         if len(rows) < ENOUGH:
             return
         times, seen = rows[:, 0], rows[:, 1:]
-        told = self._told_at(times - DELAYS[:, None])
-        power = np.mean(told[0] ** 2, axis=0)  # the first delay is none
+        undelayed, believed = self._told_at(times - np.array([[0.0], [self.seconds]]))
+        power = np.mean(undelayed ** 2, axis=0)
         known = power > LEAST ** 2
         if not known.any():
             return
-        errors = np.mean((seen[:, known] - told[..., known]) ** 2, axis=1)
-        unexplained = (errors / power[known]).sum(axis=1)
-        best = int(np.argmin(unexplained))
-        believed = unexplained[np.searchsorted(DELAYS, self.seconds)]
-        stood = (np.mean(seen[:, known] ** 2, axis=0) / power[known]).sum()  # as by no command at all
-        if unexplained[best] < min(believed - GAIN, EXPLAINED * min(believed, stood)):
+
+        def unexplained(told: np.ndarray) -> np.ndarray:
+            errors = np.mean((seen[:, known] - told[..., known]) ** 2, axis=-2)
+            return np.asarray((errors / power[known]).sum(axis=-1))
+
+        now = float(unexplained(believed))
+        if now <= GAIN:  # as nearly always: no other delay can be better by GAIN
+            return
+        left = unexplained(self._told_at(times - DELAYS[:, None]))
+        best, stood = int(np.argmin(left)), float(unexplained(np.zeros(3)))  # as by no command at all
+        if left[best] < min(now - GAIN, EXPLAINED * min(now, stood)):
             self.seconds = float(DELAYS[best]) if DELAYS[best] >= LATE else 0.0
 
     def told_lately(self) -> Twist2D:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from mbf_relay.control.command_delay import CommandDelay
+from mbf_relay.control.command_delay import DELAYS, GAIN, WATCHED, CommandDelay
 from mbf_relay.geometry import STOP, Pose2D, Twist2D
 
 PERIOD, STEP = 0.1, 0.01
@@ -215,3 +215,22 @@ def test_what_was_told_lately_counts_each_velocity_for_as_long_as_it_held():
     delay.tell(1.4, Twist2D(0.0, 0.0, -1.0))
     delay.note(1.5, STOP)
     assert delay.told_lately() == pytest.approx(Twist2D(0.0, 0.0, -1.0))
+
+
+def plain_best(watched, now):
+    """Return the delay (s) that leaves least unexplained of x and theta, and by how much less than the one believed."""
+    rows = np.array([(time, *velocity) for time, velocity in watched._seen if time >= now - WATCHED])
+    told = np.stack([watched._told_at(rows[:, 0] - delay) for delay in DELAYS])[..., [0, 2]]
+    left = (np.mean((rows[:, [1, 3]] - told) ** 2, axis=1) / np.mean(told[0] ** 2, axis=0)).sum(axis=1)
+    return DELAYS[np.argmin(left)], left[np.searchsorted(DELAYS, watched.seconds)] - left.min()
+
+
+@pytest.mark.parametrize("delay", [0.0, 0.2, 0.5])
+@pytest.mark.parametrize("seed", range(4))
+def test_no_delay_that_explains_much_more_goes_unseen(seed, delay):
+    """Where the one believed explains nearly all, the others are not tried."""
+    rng = np.random.default_rng(seed)
+    robot = Wheels(delay, lag=0.1)
+    robot.drive([Twist2D(0.2, 0.0, turn) for turn in 0.5 * np.cumsum(rng.normal(0.0, 0.4, 100))])
+    best, more = plain_best(robot.watched, robot.watched._judged_at)
+    assert more < GAIN or robot.watched.seconds == pytest.approx(best)
