@@ -131,6 +131,8 @@ def test_a_wall_nearer_than_the_lidar_can_read_does_not_make_it_blind():
         wall = np.where(np.cos(ANGLES) > 0.1, 0.09 / np.cos(ANGLES), 3.0)
     assert np.count_nonzero(wall < 0.12) > 60
     assert trouble(scan(np.where(wall < 0.12, 0.0, wall))) is None
+    ahead = np.where(np.abs(np.arange(180) - 89.5) < 30.0, 0.0, 0.15)  # of a lidar that looks half round
+    assert trouble(scan(ahead, angle_min=-math.pi / 2.0, width=math.pi)) is None
 
 
 @pytest.mark.parametrize("dark", [(0, 60), (120, 180)])
