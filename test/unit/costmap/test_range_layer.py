@@ -142,6 +142,9 @@ def test_a_robot_whose_sonar_falls_silent_stands_where_that_is_asked_for():
     assert "no reading for 0.60 s; at most 0.50 s allowed (no_readings_timeout); message refused" in (
         costmap.stale_reason(1.6))
     assert "no reading for 100.00 s" in costmap.layers[0].stale_reason(-99.0), "time was set back"
+    hear(costmap, 0.8, now=1.7)
+    costmap.update(2.3, IDENTITY)
+    assert costmap.stale_reason(2.3).endswith("at most 0.50 s allowed (no_readings_timeout)"), "it was used since"
 
 
 def test_what_a_sonar_saw_stays_where_it_is_while_the_window_rolls_and_is_forgotten_when_cleared():
