@@ -1,4 +1,4 @@
-"""Connections of subscribers to publishers: three defects of rospy by which messages never arrive.
+"""Connections of subscribers to publishers: four defects of rospy by which messages never arrive.
 
 A subscriber learns of a publisher twice: from the master's answer to its registration, and from publisherUpdate. rospy
 handles each in a thread. Where both find no connection yet, the second one closes the first, with all that was sent on
@@ -9,6 +9,9 @@ meanwhile. rospy gives such a connection up but goes on counting it, so that it 
 
 If it unadvertises the topic for even shorter, publisherUpdate comes before the end of the old connection is noticed.
 rospy then sees the publisher as connected, and never connects again either.
+
+A subscriber connects as soon as the master has answered, in another thread, and is given its callback, its queue size
+and its buffer size afterwards. What came in between, such as the only map, was lost.
 """
 
 from __future__ import annotations
@@ -17,6 +20,7 @@ import io
 import time
 from typing import Any, Callable, List
 
+import rospy
 from rospy.core import is_shutdown
 from rospy.exceptions import TransportInitError
 from rospy.impl import tcpros_pubsub
@@ -33,13 +37,29 @@ CONNECT_TIMEOUT = 60.0
 ENDING_PAUSE = 0.02
 """Wall seconds between two checks whether rospy has dropped a connection that the publisher has closed."""
 _connect_as_rospy = ROSHandler._connect_topic
+_make_as_rospy, _open_as_rospy = rospy.Subscriber.__init__, tcpros_pubsub.TCPROSHandler.create_transport
 _locks = NamedLocks()
+_making = NamedLocks()  # by topic, held while a subscriber is made or given a connection; taken after `_locks`
 
 
 def apply_patches() -> None:
     """Apply this module's patches to rospy; before rospy.init_node."""
     ROSHandler._connect_topic = connect_topic
+    rospy.Subscriber.__init__ = make_subscriber
+    tcpros_pubsub.TCPROSHandler.create_transport = open_connection
     tcpros_pubsub.robust_connect_subscriber = connect_and_receive
+
+
+def make_subscriber(subscriber: Any, name: str, *arguments: Any, **options: Any) -> None:
+    """Make a subscriber as its class does, and have connections wait until it is complete; replaces its __init__."""
+    with _making.of(rospy.resolve_name(name) if rospy.core.is_initialized() else name):
+        _make_as_rospy(subscriber, name, *arguments, **options)
+
+
+def open_connection(handler: Any, topic: str, *what: Any) -> Any:
+    """Begin to connect as TCPROSHandler.create_transport does, which it replaces, to a subscriber that is complete."""
+    with _making.of(topic):
+        return _open_as_rospy(handler, topic, *what)
 
 
 def connect_topic(handler: Any, topic: str, publisher: str) -> Any:

@@ -7,6 +7,7 @@ import threading
 from types import SimpleNamespace
 
 import pytest
+import rospy
 from rosgraph.network import read_ros_handshake_header, write_ros_handshake_header
 from rospy.impl import tcpros_base, tcpros_pubsub
 from std_msgs.msg import String
@@ -35,6 +36,23 @@ def test_a_goal_sent_on_the_first_connection_is_not_lost_to_a_second(monkeypatch
     for thread in threads:
         thread.join()
     assert made == [("/goal", "client")] and not connecting._locks
+
+
+def test_the_only_map_is_not_lost_on_a_subscriber_that_has_no_callback_yet(monkeypatch):
+    """rospy connects as soon as the master has answered: amcl, or RViz's costmap, waited for a map for good."""
+    order = []
+    connecting_thread = threading.Thread(target=connecting.open_connection, args=(None, "/map"))
+
+    def as_rospy(*_arguments):
+        connecting_thread.start()
+        connecting_thread.join(0.3)  # where it does not wait, it has connected by then
+        order.append("complete")
+
+    monkeypatch.setattr(connecting, "_make_as_rospy", as_rospy)
+    monkeypatch.setattr(connecting, "_open_as_rospy", lambda *_what: order.append("connected"))
+    connecting.make_subscriber(None, "/map")
+    connecting_thread.join()
+    assert order == ["complete", "connected"] and not connecting._making
 
 
 def test_a_driver_that_takes_its_topic_back_and_offers_it_again_at_once_is_heard(monkeypatch):
@@ -165,6 +183,8 @@ def test_who_stops_listening_while_refused_is_not_connected_any_more(monkeypatch
 def test_a_node_connects_so(monkeypatch):
     monkeypatch.setattr(tcpros_pubsub, "robust_connect_subscriber", tcpros_pubsub.robust_connect_subscriber)
     monkeypatch.setattr(connecting.ROSHandler, "_connect_topic", connecting.ROSHandler._connect_topic)
+    monkeypatch.setattr(rospy.Subscriber, "__init__", rospy.Subscriber.__init__)
+    monkeypatch.setattr(tcpros_pubsub.TCPROSHandler, "create_transport", tcpros_pubsub.TCPROSHandler.create_transport)
     connecting.apply_patches()
     assert tcpros_pubsub.robust_connect_subscriber is connecting.connect_and_receive
     assert connecting.ROSHandler._connect_topic is connecting.connect_topic
