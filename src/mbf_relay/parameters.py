@@ -132,10 +132,11 @@ class ParameterSet:
         """Create a set from a user's values, and return it with notes on the values that were changed.
 
         As by dynamic_reconfigure, numbers out of range are clamped to the nearer bound; without one the default is
-        used. Of an ORDERED pair in the wrong order the lower one is reduced, where the higher one is not negative.
+        used, as it is for what is no value of a parameter without effect. Of an ORDERED pair in the wrong order the
+        lower one is reduced, where the higher one is not negative.
 
         Raises:
-            ValueError: A value is of the wrong type, or contradicts others.
+            ValueError: A value that has an effect is of the wrong type, or contradicts others.
         """
         return _read(cls, cls.known(values), cls._written(values))
 
@@ -251,7 +252,13 @@ def _read(cls: Type[T], known: Dict[str, Any], written: Mapping[str, str]) -> Tu
         said = written.get(name, name)
         value, note = _spelt(said, given, hints[name])
         notes += [note] if note else []
-        value = known[name] = convert(said, value, hints[name])
+        try:
+            value = known[name] = convert(said, value, hints[name])
+        except ValueError as error:
+            if fields[name].metadata.get("has_effect", True):
+                raise
+            value = known[name] = fields[name].default
+            notes.append(f"{error}, and has no effect")
         try:
             _check_range(said, value, fields[name].metadata)
         except ValueError as error:
@@ -277,7 +284,7 @@ def _nearest_allowed(value: Any, field: Any) -> Any:
 
     For a rate (Hz) of 0 or less it is the default: at the lowest rate a robot would drive without control for seconds.
     """
-    if isinstance(value, str) and field.metadata.get("else_default"):
+    if isinstance(value, str) and (field.metadata.get("else_default") or not field.metadata.get("has_effect", True)):
         return field.default
     if isinstance(value, bool) or not isinstance(value, (int, float)) or not field.metadata.get("clamped", True):
         return None

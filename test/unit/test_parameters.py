@@ -11,7 +11,7 @@ from mbf_relay.costmap.parameters import CostmapParameters
 from mbf_relay.costmap.static_layer import StaticLayerParameters
 from mbf_relay.navigation.parameters import NavigatorParameters
 from mbf_relay.navigation.waypoints import WaypointFollowerParameters
-from mbf_relay.parameters import ParameterSet, parameter
+from mbf_relay.parameters import ParameterSet, parameter, without_effect
 
 
 @dataclass(frozen=True)
@@ -30,6 +30,8 @@ class Example(ParameterSet):
     weights: Tuple[float, ...] = parameter((1.0,), "of what counts", minimum=0.0)
     wait: float = parameter(1.0, "how long it waits", unit="s", above=0.0)
     reach: float = parameter(float("inf"), "how far it sees", unit="m", minimum=0.0)
+    filter: str = without_effect("voxel", "all points are used", choices=("voxel", "none"))
+    max_z: float = without_effect(10.0, "there is no frustum", "m")
 
     ORDERED = (("least", "speed"),)
 
@@ -142,6 +144,14 @@ def test_values_in_order_are_read_without_a_word():
 def test_what_nobody_can_make_sense_of_is_refused_all_the_same(values):
     with pytest.raises(ValueError, match=next(iter(values))):
         Example.read(values)
+
+
+@pytest.mark.parametrize("name, value", [
+    ("filter", False), ("filter", "fine"), ("max_z", "far"), ("max_z", [7.0])])
+def test_a_robot_starts_though_what_has_no_effect_has_no_value_that_makes_sense(name, value):
+    """The server refused to start for what it does not use, and what upstream's takes for the default."""
+    read, [note] = Example.read({name: value})
+    assert read == Example() and f"parameter {name} is {value!r}" in note
 
 
 def test_an_old_name_is_read_and_reported_and_the_present_one_wins():
