@@ -173,11 +173,11 @@ class IncrementalField(abc.ABC):
             self._set_apart()
             self.invalidated = 0
             return True
-        waiting = self._set_apart()
-        self.invalidated = 0
         changed = self._changed(costs)
         if changed is None:
             return False
+        waiting = self._set_apart()
+        self.invalidated = 0
         if len(changed) == 0:
             return True
         if waiting > STORE_PER_CELL * self._grown + _FIRST_STORE:
