@@ -58,6 +58,7 @@ class PulledCase(unittest.TestCase):
         cls.flex = ActionClient("move_base_flex/move_base", FlexAction)
         cls.commands = Listener("cmd_vel", Twist, connected=True)
         cls.transforms = Transforms()
+        wait_until(lambda: cls.truth.last, "the simulator's truth")
 
     def setUp(self):
         for client in (self.client, self.flex):
