@@ -31,6 +31,8 @@ from mbf_relay.ros.tools.demo_graph import DemoGraph  # noqa: E402
 from mbf_relay.simulation.arena import CIRCLE  # noqa: E402
 
 NODES = ("/map_server", "/amcl", "/move_base_flex", "/move_base")
+NEAR = ("-1.5", "-0.5")
+"""A place (m) half a metre ahead of the robot's start."""
 
 
 def offers(uri):
@@ -58,7 +60,7 @@ class TestComposed(unittest.TestCase):
         cls.transforms = Transforms()
 
     def test_1_names_are_those_of_single_nodes(self):
-        run = run_client("movebase_client.py")
+        run = run_client("movebase_client.py", *NEAR)
         self.assertEqual(run.status, 0, run.output)
         rospy.ServiceProxy("simulator/pause", Empty)()  # these have nothing to do while the others drive
         with tempfile.TemporaryDirectory() as folder, DemoGraph(
@@ -66,7 +68,7 @@ class TestComposed(unittest.TestCase):
         ) as single:
             single.wait_for_parameter("/use_sim_time", 60.0)
             client = subprocess.run(
-                [program("movebase_client.py")], env=single.environment, stdout=subprocess.PIPE,
+                [program("movebase_client.py"), *NEAR], env=single.environment, stdout=subprocess.PIPE,
                 stderr=subprocess.STDOUT, timeout=240.0,
             )
             self.assertEqual(client.returncode, 0, client.stdout)
