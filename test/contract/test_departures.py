@@ -57,5 +57,6 @@ def test_a_robot_may_leave_a_dock_whose_walls_are_near_all_along_but_not_through
     path = plan(planner, costmap, at(costmap, *start), at(costmap, *goal))
     assert tuple(path.poses[0, :2]) == pytest.approx(at(costmap, *start)[:2])
     assert path.goal.distance_to(at(costmap, *goal)) < 1e-9
+    assert np.hypot(*np.diff(path.poses[:, :2], axis=0).T).max() < 1.5 * RESOLUTION, "it goes to and fro"
     costs[3:6, 17] = 255
     assert outcome_of(planner, snapshot(costs), at(costmap, *start), at(costmap, *goal)) is PlanOutcome.BLOCKED_START

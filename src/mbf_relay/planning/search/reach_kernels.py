@@ -89,7 +89,7 @@ def way_out(costs, free, passable, start_x, start_y, reach, path):
     before[reach, reach] = -1
     done, count = 0, 1
     found = -1
-    while done < count and found < 0:
+    while done < count:
         here = queue[done]
         done += 1
         row, column = here // side, here % side
