@@ -75,7 +75,9 @@ class LazyTopic(rospy.SubscribeListener):
         self._is_change = message is OccupancyGridUpdate
         self._lock = threading.Lock()
         self._subscriber: Optional[rospy.Subscriber] = None
-        self._publisher = rospy.Publisher(name, self._unread, subscriber_listener=self, queue_size=5, tcp_nodelay=True)
+        with self._lock:  # who listened to a relay that has died may connect before it is there
+            self._publisher = rospy.Publisher(
+                name, self._unread, subscriber_listener=self, queue_size=5, tcp_nodelay=True)
 
     def peer_subscribe(self, _name: str, _publish: Any, _peer_publish: Any) -> None:
         """Subscribe to the source, or subscribe anew."""
@@ -132,9 +134,10 @@ class RecoveryTopic(rospy.SubscribeListener):
         self._server, self._where = server, where
         self._lock = threading.Lock()
         self._subscribers: List[rospy.Subscriber] = []
-        self._publisher = rospy.Publisher(
-            f"{rospy.resolve_name('move_base')}/recovery_status", RecoveryStatus, subscriber_listener=self,
-            queue_size=10)
+        with self._lock:  # as LazyTopic does
+            self._publisher = rospy.Publisher(
+                f"{rospy.resolve_name('move_base')}/recovery_status", RecoveryStatus, subscriber_listener=self,
+                queue_size=10)
 
     def peer_subscribe(self, _name: str, _publish: Any, _peer_publish: Any) -> None:
         """Subscribe to the server's recoveries."""

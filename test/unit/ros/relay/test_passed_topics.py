@@ -1,12 +1,19 @@
 """Topics of the server that the relay passes on while somebody listens."""
 
+import threading
 from types import SimpleNamespace
 
 import pytest
 from map_msgs.msg import OccupancyGridUpdate
 from nav_msgs.msg import OccupancyGrid
+from ros_testing import wait_until
 
 from mbf_relay.ros.relay import topics
+
+TOPICS = pytest.mark.parametrize("make, sources", [
+    (lambda: topics.LazyTopic("~global_costmap/costmap", OccupancyGrid, lambda: "costmap"), ["costmap"]),
+    (lambda: topics.RecoveryTopic("server", None), ["server/recovery_status", "server/recovery/goal"]),
+], ids=["costmap", "recoveries"])
 
 
 @pytest.fixture
@@ -24,15 +31,19 @@ def graph(monkeypatch):
             graph.sources.remove(self.name)
 
     monkeypatch.setattr(topics.rospy, "Subscriber", Subscriber)
-    monkeypatch.setattr(topics.rospy, "Publisher", lambda *_rest, **_options: SimpleNamespace(
-        publish=None, get_num_connections=lambda: graph.listeners))
+
+    def advertise(*_rest, subscriber_listener, **_options):
+        if graph.listeners:  # as where they listened to a relay that has died
+            early = threading.Thread(target=subscriber_listener.peer_subscribe, args=("", None, None))
+            early.start()
+            early.join(0.2)  # where it waits, it goes on when the topic is there
+        return SimpleNamespace(publish=None, get_num_connections=lambda: graph.listeners)
+
+    monkeypatch.setattr(topics.rospy, "Publisher", advertise)
     return graph
 
 
-@pytest.mark.parametrize("make, sources", [
-    (lambda: topics.LazyTopic("~global_costmap/costmap", OccupancyGrid, lambda: "costmap"), ["costmap"]),
-    (lambda: topics.RecoveryTopic("server", None), ["server/recovery_status", "server/recovery/goal"]),
-], ids=["costmap", "recoveries"])
+@TOPICS
 def test_rviz_that_is_reset_is_shown_costmaps_again(graph, make, sources):
     """rospy counts who is left before it tells: whoever came in between saw nothing for good."""
     topic = make()
@@ -58,3 +69,13 @@ def test_a_second_map_display_takes_no_change_of_a_costmap_from_the_first(graph,
         assert graph.sources == sources
     topic.peer_subscribe("", None, None)
     assert graph.sources == ["server/costmap"]
+
+
+@TOPICS
+def test_who_listened_to_a_relay_that_died_is_shown_what_the_next_one_passes_on(graph, make, sources):
+    """It connects before the topic is advertised in full."""
+    graph.listeners = 1
+    topic = make()
+    wait_until(lambda: graph.sources == sources, f"{sources} to be listened to")
+    topic.peer_unsubscribe("", 0)
+    assert graph.sources == sources

@@ -8,6 +8,9 @@ tries to accept again and again without a pause.
 
 rospy's subscribers may connect twice, closing the first connection, and a publisher keeps only the one it heard last.
 With a thread each, that could be the closed one: the subscriber then never got a message.
+
+A publisher is advertised before it has its SubscribeListener and its latch, and whoever connects in between is not told
+of: a costmap that is sent to new subscribers alone never came.
 """
 
 from __future__ import annotations
@@ -50,12 +53,13 @@ LONGEST_SILENCE = 60.0
 OUT_OF_FILES, PAUSE = (errno.EMFILE, errno.ENFILE), 0.1
 """Errors of accept(2) where there are no file descriptors left, and wall seconds until the next attempt."""
 _LENGTH = struct.Struct("<I")
-_accept_as_rospy, _serve_as_rospy = TCPServer.run, ServiceImpl.handle
+_accept_as_rospy, _serve_as_rospy, _make_as_rospy = TCPServer.run, ServiceImpl.handle, rospy.Publisher.__init__
 _handshakes, _xmlrpc_calls = threading.Semaphore(MOST_AT_A_TIME), threading.Semaphore(MOST_AT_A_TIME)
 _served: Deque[Any] = collections.deque()  # connections to services, oldest first
 _served_lock = threading.Lock()  # guards it
 # rospy's connection handlers are not thread-safe. One lock for each topic or service, as a handler may take long, e.g.
-# to ask the master; taken before any of rospy's locks. Their names come from outside, hence NamedLocks.
+# to ask the master; also held while a publisher is made. Taken before any of rospy's locks. Their names come from
+# outside, hence NamedLocks.
 _handler_locks = NamedLocks()
 
 
@@ -68,6 +72,13 @@ def apply_patches() -> None:
     ThreadingXMLRPCServer.process_request = answer_xmlrpc
     ThreadingXMLRPCServer.process_request_thread = _answer_xmlrpc
     ServiceImpl.handle = serve
+    rospy.Publisher.__init__ = make_publisher
+
+
+def make_publisher(publisher: Any, name: str, *arguments: Any, **options: Any) -> None:
+    """Make a publisher as its class does, and have subscribers wait until it is complete; replaces its __init__."""
+    with _handler_locks.of(rospy.resolve_name(name) if rospy.core.is_initialized() else name):
+        _make_as_rospy(publisher, name, *arguments, **options)
 
 
 def accept_all(server: Any) -> None:

@@ -9,6 +9,7 @@ from types import SimpleNamespace
 from xmlrpc.client import ServerProxy
 
 import pytest
+import rospy
 from ros_testing import wait_until
 from rosgraph.network import ROSHandshakeException, read_ros_handshake_header
 from rosgraph.xmlrpc import (
@@ -118,6 +119,26 @@ def test_a_connection_that_its_subscriber_has_given_up_does_not_take_the_place_o
     accepting.start_handshake(node.server, given_up, ("127.0.0.1", 0))
     wait_until(lambda: given_up.fileno() == -1, "the closed connection to be let go")
     assert node.heard == ["/recorder"] and not node.refusals
+
+
+def test_who_connects_while_a_topic_is_advertised_is_told_of_to_the_one_who_asked(node, monkeypatch):
+    """A costmap that is sent to new subscribers alone never came to RViz."""
+    connection, other = socket.socketpair()
+    comes = threading.Thread(target=accepting._do_handshake, args=(node.server, connection, ("127.0.0.1", 0)))
+    accepting._handshakes.acquire()
+    early = []
+
+    def as_rospy(*_arguments):
+        comes.start()
+        comes.join(0.3)  # where it does not wait, it has been handed over by then
+        early.extend(node.heard)
+
+    monkeypatch.setattr(accepting, "_make_as_rospy", as_rospy)
+    with connection, other:
+        other.sendall(words(callerid="/rviz", topic="/costmap"))
+        accepting.make_publisher(None, "/costmap")
+        comes.join()
+    assert not early and node.heard == ["/rviz"]
 
 
 def test_a_crowd_that_says_nothing_takes_no_more_files_than_a_few(node, monkeypatch):
@@ -240,6 +261,7 @@ def test_threads_do_not_pile_up_where_cables_are_cut_in_xml_rpc(monkeypatch):
     monkeypatch.setattr(TCPROSServer, "_tcp_server_callback", TCPROSServer._tcp_server_callback)
     monkeypatch.setattr(SilenceableXMLRPCRequestHandler, "timeout", None)
     monkeypatch.setattr(ServiceImpl, "handle", ServiceImpl.handle)
+    monkeypatch.setattr(rospy.Publisher, "__init__", rospy.Publisher.__init__)
     monkeypatch.setattr(ThreadingXMLRPCServer, "request_queue_size", ThreadingXMLRPCServer.request_queue_size)
     monkeypatch.setattr(accepting, "LONGEST_SILENCE", 0.01)
     monkeypatch.setattr(accepting, "_xmlrpc_calls", threading.Semaphore(3))
