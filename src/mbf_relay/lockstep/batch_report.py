@@ -66,20 +66,25 @@ def draw(folder: Path, shown: Sequence[pictures.Shown], processes: int) -> List[
     pieces = [list(shown[first:first + TILES]) for first in range(0, len(shown), TILES)]
     count = len(pieces) + len(failures)
     progress = Progress(count)
-    tiles: Dict[int, Any] = {}
     lost: List[str] = []
     with workers_for(count, min(processes, count // WORTH_A_PROCESS), say=lambda line: None) as workers:
-        for piece, drawn in workers.run(pictures.tiles, pieces, TIME_LIMIT):
-            tiles[id(piece)] = [] if isinstance(drawn, Lost) else drawn
-            lost += [str(drawn)] if isinstance(drawn, Lost) else []
-            progress.show(len(tiles), 0.0, "pictures")
+        firsts = {id(piece): TILES * number for number, piece in enumerate(pieces)}
+        sheet = pictures.ContactSheet(len(shown))
+        for number, (piece, drawn) in enumerate(workers.run(pictures.tiles, pieces, TIME_LIMIT), 1):
+            if isinstance(drawn, Lost):
+                lost.append(str(drawn))
+            else:
+                sheet.put(firsts[id(piece)], drawn)
+            progress.show(number, 0.0, "pictures")
+        if len(lost) < len(pieces):
+            sheet.write(folder / "contact_sheet.png")
+        del sheet  # before matplotlib takes as much
         for number, (((_, result),), drawn) in enumerate(workers.run(pictures.failure, failures, TIME_LIMIT), 1):
             if isinstance(drawn, Lost):
                 lost.append(str(drawn))
             else:
                 write_whole(folder / f"failure-{result.stem}.png", drawn)
             progress.show(len(pieces) + number, 0.0, "pictures")
-    pictures.contact_sheet([tile for piece in pieces for tile in tiles[id(piece)]], folder / "contact_sheet.png")
     return lost
 
 

@@ -38,26 +38,28 @@ Shown = Tuple[EpisodeTask, EpisodeResult]
 """An episode to draw."""
 
 
-def contact_sheet(drawn: Sequence[np.ndarray], path: Path) -> None:
-    """Write one picture of all tiles, wider than high; nothing where there are none.
+class ContactSheet:
+    """One picture of all episodes' tiles, wider than high. Tiles are put in as they come: thousands take gigabytes."""
 
-    Args:
-        drawn: The tiles, see `tile`.
-        path: File to write (PNG).
-    """
-    if not drawn:
-        return
-    columns = max(1, math.ceil(math.sqrt(1.6 * len(drawn))))
-    rows = math.ceil(len(drawn) / columns)
-    width, height = TILE + GAP, TILE + CAPTION + GAP
-    sheet = np.full((rows * height + GAP, columns * width + GAP, 3), 255, dtype=np.uint8)
-    for index, picture in enumerate(drawn):
-        row, column = divmod(index, columns)
-        top, left = GAP + row * height, GAP + column * width
-        sheet[top:top + TILE + CAPTION, left:left + TILE] = picture
-    encoded = BytesIO()
-    Image.fromarray(sheet).save(encoded, "png")
-    write_whole(path, encoded.getvalue())
+    def __init__(self, count: int) -> None:
+        """Begin a white sheet with room for `count` tiles, 1 or more."""
+        self._columns = max(1, math.ceil(math.sqrt(1.6 * count)))
+        rows = math.ceil(count / self._columns)
+        self._sheet = Image.new(
+            "RGB", (self._columns * (TILE + GAP) + GAP, rows * (TILE + CAPTION + GAP) + GAP), "white")
+
+    def put(self, first: int, drawn: Sequence[np.ndarray]) -> None:
+        """Put tiles (see `tile`) side by side into the places from number `first` on."""
+        for index, picture in enumerate(drawn, first):
+            row, column = divmod(index, self._columns)
+            place = GAP + column * (TILE + GAP), GAP + row * (TILE + CAPTION + GAP)
+            self._sheet.paste(Image.fromarray(picture), place)
+
+    def write(self, path: Path) -> None:
+        """Write the sheet to a file (PNG)."""
+        encoded = BytesIO()
+        self._sheet.save(encoded, "png")
+        write_whole(path, encoded.getvalue())
 
 
 def tiles(shown: Sequence[Shown]) -> List[np.ndarray]:
