@@ -27,6 +27,7 @@ _ASIDE = 0.05  # m to both sides of the point that it must have seen past as wel
 _SEEN_EMPTY = 0.25  # share of an object's readings at places that were free before, from which on it has come there
 _SURE = 1.0  # standard deviations by which a velocity must differ from zero; low, as free space is the stricter test
 _HALF_HIDDEN = 0.2  # what a scan without motion counts against a moving object that is partly occluded
+_RADIUS_SHARE = 0.3  # by which a radius follows the one that is seen whole; two side by side are seen as one at times
 _IN_VIEW = 0.1  # rad, largest angle between a direction and the nearest beam for which that direction was in view
 _BASE = 0.08  # m, least distance of two readings of a wall that define its direction in spite of noise
 _WIDEST = 0.3  # m, largest distance between them; farther apart they may belong to two objects
@@ -126,10 +127,10 @@ def correct(things, discs, noises, taken, stamp, elapsed):
         things[n, CROSS] = cross - position * cross / total
         things[n, VELOCITY] = velocity - cross * cross / total
         things[n, SEEN] = stamp
-        radius, seen_radius = things[n, RADIUS], discs[k, 2]
         if discs[k, 3] > 0.0:
-            radius = radius + 0.3 * (seen_radius - radius)
-        things[n, RADIUS] = max(radius, seen_radius)
+            things[n, RADIUS] += _RADIUS_SHARE * (discs[k, 2] - things[n, RADIUS])
+        else:  # of what is partly hidden, the whole is at least as wide
+            things[n, RADIUS] = max(things[n, RADIUS], discs[k, 2])
 
 
 @kernel("void(float64[::1], float64[::1], int64[::1], float64[::1], float64[::1])")

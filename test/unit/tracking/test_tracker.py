@@ -201,6 +201,34 @@ def test_two_who_pass_close_by_each_other_keep_their_ways(near, far):
     assert len(tracker.tracks) == 2
 
 
+@pytest.mark.parametrize("seed", range(5))
+def test_two_who_walk_side_by_side_are_not_each_as_wide_as_both(seed):
+    """Seen as one by a single scan, each was taken to be so wide for as long as the other hid its edge."""
+    def world(t):
+        return [(0.8 - 0.01 * t, -1.09 + 0.22 * t, 0.12), (0.56 - 0.01 * t, -1.09 + 0.19 * t, 0.1)]
+
+    tracker, rng, found = Tracker(TrackerParameters()), np.random.default_rng(seed), 0
+    for step in range(35):
+        t = 0.2 * step
+        tracker.update(0.0, 0.0, *scan(0.0, 0.0, world(t), rng), 10.0 + t)
+        for track in tracker.tracks:
+            _, radius = min((math.hypot(track.x - x, track.y - y), radius) for x, y, radius in world(t))
+            assert track.radius < radius + 0.06, f"at {t:.1f} s: {track}"
+            found += 1
+    assert found > 30
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_what_comes_out_from_behind_a_corner_is_at_once_as_wide_as_is_seen_of_it(seed):
+    """A radius that only followed what is seen had half a second's arrears just where little time is left."""
+    tracker, rng, radii = Tracker(TrackerParameters()), np.random.default_rng(seed), []
+    for step in range(20):
+        y = -1.6 + 0.1 * step
+        tracker.update(0.0, 0.0, *scan(0.0, 0.0, [(0.7, -0.75, 0.35), (1.6, y, 0.3)], rng), 10.0 + 0.2 * step)
+        radii += [track.radius for track in tracker.tracks if track.speed > 0.1]
+    assert min(radii[1:]) > 0.23
+
+
 def test_the_rays_that_end_on_what_moves_are_told():
     tracker, _ = follow(lambda t: [(1.0, -0.6 + 0.25 * t, 0.12), (-1.0, 0.0, 0.12)])
     ends, hits = scan(0.0, 0.0, [(1.0, -0.6 + 0.25 * 4.0, 0.12), (-1.0, 0.0, 0.12)], np.random.default_rng(4))

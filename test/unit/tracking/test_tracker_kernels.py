@@ -84,9 +84,8 @@ def test_clusters_are_the_things_nearest_to_them_and_put_them_where_the_filter_d
     expected[which, 5] = cross - position * cross / total
     expected[which, 6] = velocity - cross * cross / total
     expected[which, SEEN] = 7.5
-    radii = expected[which, RADIUS]
-    radii = np.where(discs[known, 3] > 0.0, radii + 0.3 * (discs[known, 2] - radii), radii)
-    expected[which, RADIUS] = np.maximum(radii, discs[known, 2])
+    radii, seen = expected[which, RADIUS], discs[known, 2]
+    expected[which, RADIUS] = np.where(discs[known, 3] > 0.0, radii + 0.3 * (seen - radii), np.maximum(radii, seen))
     kernels.correct(things, discs, noises, taken, 7.5, ELAPSED)
     assert (things == expected).all()
 
