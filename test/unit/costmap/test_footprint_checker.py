@@ -2,23 +2,19 @@
 
 import dataclasses
 import math
-import os
-import sys
 
 import numpy as np
 import pytest
 import scipy.ndimage
+from kinematics import BURGER, costmap_round
+from plain_footprint import contacts, random_costmap
 
-sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", ".."))
-from kinematics import BURGER, costmap_round  # noqa: E402
-from plain_footprint import contacts, random_costmap  # noqa: E402
-
-from mbf_relay.costmap import footprint_checker, footprint_checker_kernels  # noqa: E402
-from mbf_relay.costmap.cost_grid import CostGrid  # noqa: E402
-from mbf_relay.costmap.footprint_checker import FootprintChecker, distances_to_obstacles  # noqa: E402
-from mbf_relay.costmap.outline import FARTHEST, clearances  # noqa: E402
-from mbf_relay.geometry import Pose2D  # noqa: E402
-from mbf_relay.grid import Grid  # noqa: E402
+from mbf_relay.costmap import footprint_checker, footprint_checker_kernels
+from mbf_relay.costmap.cost_grid import CostGrid
+from mbf_relay.costmap.footprint_checker import FootprintChecker, distances_to_obstacles
+from mbf_relay.costmap.outline import FARTHEST, clearances
+from mbf_relay.geometry import Pose2D
+from mbf_relay.grid import Grid
 
 
 def with_overlap(costmap, overlap):

@@ -1,27 +1,23 @@
 """Paths the robot fits along: where its footprint would touch, when it is led round, and when the first path stands."""
 
 import math
-import os
-import sys
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from plain_footprint import contacts
 
-sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", ".."))
-from plain_footprint import contacts  # noqa: E402
-
-from mbf_relay import plugins  # noqa: E402
-from mbf_relay.costmap.cost_grid import INSCRIBED, LETHAL, NO_INFORMATION, CostGrid  # noqa: E402
-from mbf_relay.costmap.footprint_checker import FootprintChecker  # noqa: E402
-from mbf_relay.geometry import Pose2D  # noqa: E402
-from mbf_relay.grid import Grid  # noqa: E402
-from mbf_relay.outcomes import PlanningError, PlanOutcome  # noqa: E402
-from mbf_relay.planning import PLANNERS, passage  # noqa: E402
-from mbf_relay.planning.passage import driven, lead_round, touching_cells  # noqa: E402
-from mbf_relay.planning.path import Path  # noqa: E402
-from mbf_relay.planning.planner import Cancellation, Planner  # noqa: E402
+from mbf_relay import plugins
+from mbf_relay.costmap.cost_grid import INSCRIBED, LETHAL, NO_INFORMATION, CostGrid
+from mbf_relay.costmap.footprint_checker import FootprintChecker
+from mbf_relay.geometry import Pose2D
+from mbf_relay.grid import Grid
+from mbf_relay.outcomes import PlanningError, PlanOutcome
+from mbf_relay.planning import PLANNERS, passage
+from mbf_relay.planning.passage import driven, lead_round, touching_cells
+from mbf_relay.planning.path import Path
+from mbf_relay.planning.planner import Cancellation, Planner
 
 RESOLUTION = 0.05
 LONG = np.array([[-0.3, -0.16], [-0.3, 0.16], [0.1, 0.16], [0.1, -0.16]])
