@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import abc
 import threading
-from typing import Any, Callable, List, NamedTuple, Optional
+from typing import Any, Callable, List, NamedTuple
 
 import rospy
 from geometry_msgs.msg import PolygonStamped, PoseStamped
@@ -55,12 +56,52 @@ PASSED = (
 )
 
 
-class LazyTopic(rospy.SubscribeListener):
-    """A topic that is passed on, without deserializing it, while it has subscribers.
+class PassedTopic(rospy.SubscribeListener, abc.ABC):
+    """A topic that is fed from others while it has subscribers.
+
+    `_lock` guards its subscriptions against rospy's threads.
+
+    Attributes:
+        renewed: Whether it subscribes anew for each new subscriber.
+    """
+
+    renewed = False
+
+    def __init__(self, name: str, message: Any, **options: Any) -> None:
+        """Advertise a topic, by its name and message class; options are rospy.Publisher's."""
+        self._lock = threading.Lock()
+        self._subscribers: List[rospy.Subscriber] = []
+        with self._lock:  # who listened to a relay that has died may connect before it is there
+            self._publisher = rospy.Publisher(name, message, subscriber_listener=self, **options)
+
+    @abc.abstractmethod
+    def _listen(self) -> List[rospy.Subscriber]:
+        """Subscribe to what feeds it."""
+
+    def peer_subscribe(self, _name: str, _publish: Any, _peer_publish: Any) -> None:
+        """Subscribe to what feeds it, or subscribe anew."""
+        with self._lock:
+            if self.renewed or not self._subscribers:
+                self._leave()
+                self._subscribers = self._listen()
+
+    def peer_unsubscribe(self, _name: str, _listeners: int) -> None:
+        """Unsubscribe if that was the last subscriber, by their number now: another may have come."""
+        with self._lock:
+            if self._publisher.get_num_connections() == 0:
+                self._leave()
+
+    def _leave(self) -> None:
+        for subscriber in self._subscribers:
+            subscriber.unregister()
+        self._subscribers = []
+
+
+class LazyTopic(PassedTopic):
+    """A topic that is passed on without deserializing it.
 
     It subscribes anew for each new subscriber, since servers send the whole costmap to new subscribers only; not to a
-    costmap's changes, one of which would be lost to those who listen already. `_lock` guards the subscription against
-    rospy's threads.
+    costmap's changes, one of which would be lost to those who listen already.
     """
 
     def __init__(self, name: str, message: Any, source: Callable[[], str]) -> None:
@@ -72,34 +113,12 @@ class LazyTopic(rospy.SubscribeListener):
             source: Returns the name of the topic to subscribe to; called for each new subscriber.
         """
         self._unread, self._source = unread(message), source
-        self._is_change = message is OccupancyGridUpdate
-        self._lock = threading.Lock()
-        self._subscriber: Optional[rospy.Subscriber] = None
-        with self._lock:  # who listened to a relay that has died may connect before it is there
-            self._publisher = rospy.Publisher(
-                name, self._unread, subscriber_listener=self, queue_size=5, tcp_nodelay=True)
+        self.renewed = message is not OccupancyGridUpdate
+        super().__init__(name, self._unread, queue_size=5, tcp_nodelay=True)
 
-    def peer_subscribe(self, _name: str, _publish: Any, _peer_publish: Any) -> None:
-        """Subscribe to the source, or subscribe anew."""
-        with self._lock:
-            if self._subscriber is not None and self._is_change:
-                return
-            self._leave()
-            self._subscriber = rospy.Subscriber(
-                self._source(), self._unread, lambda message: self._publisher.publish(message),
-                buff_size=1 << 22, tcp_nodelay=True,
-            )
-
-    def peer_unsubscribe(self, _name: str, _listeners: int) -> None:
-        """Unsubscribe from the source if that was the last subscriber, by their number now: another may have come."""
-        with self._lock:
-            if self._publisher.get_num_connections() == 0:
-                self._leave()
-
-    def _leave(self) -> None:
-        if self._subscriber is not None:
-            self._subscriber.unregister()
-            self._subscriber = None
+    def _listen(self) -> List[rospy.Subscriber]:
+        return [rospy.Subscriber(
+            self._source(), self._unread, self._publisher.publish, buff_size=1 << 22, tcp_nodelay=True)]
 
 
 def pass_through(server: str, plugin_name: Callable[[str, str], str]) -> List[LazyTopic]:
@@ -117,8 +136,8 @@ def pass_through(server: str, plugin_name: Callable[[str, str], str]) -> List[La
     return [LazyTopic(f"~{passed.name}", passed.message, source(passed)) for passed in PASSED]
 
 
-class RecoveryTopic(rospy.SubscribeListener):
-    """move_base/recovery_status, fed while it has subscribers.
+class RecoveryTopic(PassedTopic):
+    """move_base/recovery_status.
 
     This package's server publishes recovery_status itself. The C++ server sends goals to its own recovery action, from
     which the behaviour's name and index are taken.
@@ -132,29 +151,13 @@ class RecoveryTopic(rospy.SubscribeListener):
             where: Returns the robot's pose from the server's last feedback.
         """
         self._server, self._where = server, where
-        self._lock = threading.Lock()
-        self._subscribers: List[rospy.Subscriber] = []
-        with self._lock:  # as LazyTopic does
-            self._publisher = rospy.Publisher(
-                f"{rospy.resolve_name('move_base')}/recovery_status", RecoveryStatus, subscriber_listener=self,
-                queue_size=10)
+        super().__init__(f"{rospy.resolve_name('move_base')}/recovery_status", RecoveryStatus, queue_size=10)
 
-    def peer_subscribe(self, _name: str, _publish: Any, _peer_publish: Any) -> None:
-        """Subscribe to the server's recoveries."""
-        with self._lock:
-            if not self._subscribers:
-                self._subscribers = [
-                    rospy.Subscriber(f"{self._server}/recovery_status", RecoveryStatus, self._publisher.publish),
-                    rospy.Subscriber(f"{self._server}/recovery/goal", RecoveryActionGoal, self._take),
-                ]
-
-    def peer_unsubscribe(self, _name: str, _listeners: int) -> None:
-        """Unsubscribe if that was the last subscriber, by their number now: another may have come."""
-        with self._lock:
-            if self._publisher.get_num_connections() == 0:
-                for subscriber in self._subscribers:
-                    subscriber.unregister()
-                self._subscribers = []
+    def _listen(self) -> List[rospy.Subscriber]:
+        return [
+            rospy.Subscriber(f"{self._server}/recovery_status", RecoveryStatus, self._publisher.publish),
+            rospy.Subscriber(f"{self._server}/recovery/goal", RecoveryActionGoal, self._take),
+        ]
 
     def _take(self, message: RecoveryActionGoal) -> None:
         names = [plugin["name"] for plugin in server_plugins(self._server, "recovery_behaviors")]
