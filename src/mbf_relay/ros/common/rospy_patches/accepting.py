@@ -77,7 +77,7 @@ def apply_patches() -> None:
 
 def make_publisher(publisher: Any, name: str, *arguments: Any, **options: Any) -> None:
     """Make a publisher as its class does, and have subscribers wait until it is complete; replaces its __init__."""
-    with _handler_locks.of(rospy.resolve_name(name) if rospy.core.is_initialized() else name):
+    with _handler_locks.of(rospy.resolve_name(name)):
         _make_as_rospy(publisher, name, *arguments, **options)
 
 

@@ -52,7 +52,7 @@ def apply_patches() -> None:
 
 def make_subscriber(subscriber: Any, name: str, *arguments: Any, **options: Any) -> None:
     """Make a subscriber as its class does, and have connections wait until it is complete; replaces its __init__."""
-    with _making.of(rospy.resolve_name(name) if rospy.core.is_initialized() else name):
+    with _making.of(rospy.resolve_name(name)):
         _make_as_rospy(subscriber, name, *arguments, **options)
 
 
