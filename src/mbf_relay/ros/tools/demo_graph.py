@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import math
 import os
 import random
 import signal
@@ -160,9 +161,23 @@ def let_start(roslaunch: subprocess.Popen) -> None:
 def starts_nodes(pid: int) -> bool:
     """Return whether a process has started a child within the last STARTED seconds."""
     try:
-        return any(time.time() - child.create_time() < STARTED for child in psutil.Process(pid).children())
+        return any(age_of(child.pid) < STARTED for child in psutil.Process(pid).children())
     except psutil.NoSuchProcess:
         return False
+
+
+def age_of(pid: int) -> float:
+    """Return for how long (s) a process has been there; infinite of one that has ended.
+
+    By the kernel's own clock: the time of day that psutil has for a start is up to a second too early, since of that at
+    which the machine was booted only whole seconds are told.
+    """
+    try:
+        with open(f"/proc/{pid}/stat", encoding="utf-8", errors="replace") as stream:
+            ticks = int(stream.read().rpartition(")")[2].split()[19])  # starttime of proc(5)
+    except OSError:
+        return math.inf
+    return time.clock_gettime(time.CLOCK_BOOTTIME) - ticks / os.sysconf("SC_CLK_TCK")
 
 
 def end(process: subprocess.Popen) -> None:

@@ -1,9 +1,12 @@
 """The demo's hold on its processes."""
 
 import importlib.metadata
+import math
+import os
 import signal
 import subprocess
 import sys
+import time
 
 import pytest
 from ros_testing import wait_until
@@ -169,6 +172,26 @@ def test_whoever_interrupts_while_nodes_start_does_not_wait_for_a_roslaunch_that
     with Starting(["mbf_relay", "demo.launch"], str(tmp_path)) as graph:
         wait_until(lambda: descendants(graph._processes[0].pid), "the first node")
     assert graph._processes[0].returncode == 0
+
+
+def test_a_node_is_as_young_as_it_is_whenever_the_machine_was_booted():
+    """It counted as up to a second older: on some machines every interrupt at the start took 20 s."""
+    from mbf_relay.ros.tools.demo_graph import age_of
+
+    def now():
+        return time.clock_gettime(time.CLOCK_BOOTTIME)
+
+    before, tick = now(), 1.0 / os.sysconf("SC_CLK_TCK")
+    node = subprocess.Popen(["sleep", "600"])
+    try:
+        started = now()
+        age, after = age_of(node.pid), now()
+        assert -tick < age < after - before + tick
+        assert now() - started - tick < age_of(node.pid)
+    finally:
+        node.kill()
+        node.wait()
+    assert age_of(node.pid) == math.inf
 
 
 @pytest.mark.parametrize("seed", ["-1", "3000000000"])
