@@ -41,7 +41,7 @@ PATIENT = (
 """Jobs of `system/` that lose nothing when their nodes get a core late, since the simulator waits for the command that
 answers a scan (`command_patience`); two of them may run at once."""
 DRIVES_SHARE, NODES_SHARE = 0.75, 0.25
-"""Of a core: what the whole graph and single nodes take in a test."""
+"""Of a core: what the whole graph, or the nodes that a folder of unit tests starts, and single nodes take in a test."""
 MORE = 3
 """Jobs that may run beside as many as there are cores."""
 SLOWEST = 8
@@ -76,9 +76,9 @@ class Job(NamedTuple):
     @property
     def share(self) -> float:
         """How much of a core it takes while it runs."""
-        if self.drives:
-            return DRIVES_SHARE
-        return NODES_SHARE if self.kind is Kind.ROSTEST else 1.0
+        if self.computes:
+            return 1.0
+        return NODES_SHARE if self.kind is Kind.ROSTEST and not self.drives else DRIVES_SHARE
 
     @property
     def computes(self) -> bool:

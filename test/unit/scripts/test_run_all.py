@@ -28,7 +28,9 @@ mine.touch()
 end = time.monotonic() + 60.0
 while not all(other.exists() for other in others) and time.monotonic() < end:
     threading.Event().wait(0.01)
-sys.exit(not all(other.exists() for other in others))
+met = all(other.exists() for other in others)
+mine.write_text("met" if met else "alone")
+sys.exit(not met)
 """
 
 
@@ -99,6 +101,19 @@ def test_a_robot_whose_time_matters_drives_beside_one_that_waits_and_beside_no_o
     jobs = [job("system/a", ALONE, road), job("system/b", ALONE, road), job("system/c", MEET, *pair)]
     jobs.append(job("system/goals.test", MEET, *pair[::-1]))
     assert failed(tmp_path, jobs, workers=2) == []
+
+
+def test_folders_whose_tests_wait_for_nodes_run_side_by_side_while_single_nodes_do(tmp_path):
+    """They were last, when nothing was left to compute, and a core was idle."""
+    names = ["unit/ros", "unit/ros/common", "node/a.test", "node/b.test"]
+    places = [tmp_path / name.replace("/", "-") for name in names]
+    jobs = [
+        Job(name, [sys.executable, "-c", MEET, *map(str, (*places[index:], *places[:index]))],
+            Kind.ROSTEST if name.startswith("node") else Kind.PYTEST)
+        for index, name in enumerate(names)]
+    runner = Runner(str(tmp_path), long=False)
+    runner.run(jobs[2:] + jobs[:2], workers=2, drives=1)
+    assert [place.read_text() for place in places] == ["met"] * len(names)
 
 
 @pytest.mark.parametrize("more", [["--list"], []])
