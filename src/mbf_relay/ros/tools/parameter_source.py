@@ -276,13 +276,14 @@ class _LaunchReader:
         self._launch.nodes.append(node)
 
     def _take_members(self, element: Element, namespace: str) -> None:
-        """Take the nodes of TYPES that a compose node runs, each with its command line after a "--"."""
-        for is_between, words in itertools.groupby(self._words(element), "--".__eq__):
-            program, *rest = words
-            if not is_between and program in TYPES:
+        """Take the nodes of TYPES that compose runs, each after a "--"; assignments after the last one are for all."""
+        lines = [list(line) for is_end, line in itertools.groupby(self._words(element), "--".__eq__) if not is_end]
+        for_all = lines.pop() if lines and all(":=" in word for word in lines[-1]) else []
+        for program, *rest in lines:
+            if program in TYPES:
                 given = [word[len(NAMED):] for word in rest if word.startswith(NAMED)]
                 name = _joined(namespace, self._text(element, "ns"), (given or [program])[-1])
-                self._take_private(rest, name, element)
+                self._take_private((*rest, *for_all), name, element)
                 self._launch.nodes.append(LaunchedNode(name, TYPES[program], self._parameters))
 
     def _words(self, element: Element) -> List[str]:

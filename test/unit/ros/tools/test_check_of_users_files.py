@@ -149,6 +149,17 @@ def test_of_an_open_quotation_in_a_node_s_arguments_is_told_where_it_is(tmp_path
     assert """nav.launch:2: args="-- amcl __name:='amcl": No closing quotation""" in capsys.readouterr().err
 
 
+def test_what_compose_gives_to_all_its_nodes_is_told_of_with_each_of_them(tmp_path):
+    """Wrong values after its last "--" were passed over."""
+    node = """<launch>
+      <node pkg="mbf_relay" type="compose" name="all"
+       args="-- amcl __name:=front -- move_base_flex -- _tf_timeout:=-1 _update_min_d:=-2 scan:=front_scan"/>
+    </launch>"""
+    _, told = check(tmp_path, node, name="nav.launch")
+    for word in ("front (amcl)", "parameter update_min_d is -2.0", "move_base_flex (", "parameter tf_timeout is -1"):
+        assert word in told
+
+
 AMCL = """<launch>
   <node pkg="amcl" type="amcl" name="amcl">
     <rosparam>
