@@ -76,18 +76,23 @@ class MoveBaseServer(ServerSide):
         return with_own_server(given, self._global_frame)
 
     def start(self) -> None:
-        """Start the server; return when the costmaps have their inputs: as in move_base, no goals are taken before."""
+        """Start the server; return when the costmaps have their inputs: as in move_base, no goals are taken before.
+
+        Raises:
+            rospy.ROSInterruptException: The node shuts down.
+        """
         self._server.start()
         self.settings.serve(self._server)
         said = float("-inf")
         while not rospy.is_shutdown():
             missing = self._missing()
             if not missing:
-                break
+                return
             if time.monotonic() - said > SAY_PERIOD:
                 rospy.logwarn("move_base waits for what it needs: %s", "; ".join(dict.fromkeys(missing)))
                 said = time.monotonic()
             time.sleep(LOOK_PERIOD)
+        raise rospy.ROSInterruptException("shut down while waiting for what the costmaps need")
 
     def offer(self, where: Callable[[], PoseStamped]) -> None:
         """Do nothing: the server in this process offers all of it."""

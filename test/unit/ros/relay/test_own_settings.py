@@ -3,11 +3,13 @@
 from types import SimpleNamespace
 
 import pytest
+import rospy
 
 from mbf_relay.navigation.move_base_files import server_config
 from mbf_relay.navigation.move_base_parameters import MoveBaseParameters
 from mbf_relay.navigation.parameters import NavigatorParameters
-from mbf_relay.ros.move_base.node import with_own_server
+from mbf_relay.ros.move_base import node
+from mbf_relay.ros.move_base.node import MoveBaseServer, with_own_server
 from mbf_relay.ros.move_base.settings import OwnSettings
 from mbf_relay.ros.relay.relay import RelayParameters
 
@@ -41,3 +43,14 @@ def test_patience_that_is_taken_away_at_run_time_is_one_try_and_comes_back():
         made = server.navigator.parameters
         assert (made.planner_patience, made.controller_patience) == patience
         assert (made.planner_max_retries, made.controller_max_retries) == retries
+
+
+def test_a_node_that_is_interrupted_while_it_waits_for_a_map_does_not_say_that_it_is_here(monkeypatch):
+    """Nor does it go on to offer what it has; Ctrl-C was answered by "move_base is here"."""
+    server = MoveBaseServer.__new__(MoveBaseServer)
+    server._server, server.settings = SimpleNamespace(start=lambda: None), SimpleNamespace(serve=lambda _server: None)
+    server._nodes = {"global": SimpleNamespace(missing_input=lambda: "a map")}
+    looks = iter([False, False, True])
+    monkeypatch.setattr(node.rospy, "is_shutdown", lambda: next(looks))
+    with pytest.raises(rospy.ROSInterruptException):
+        server.start()
