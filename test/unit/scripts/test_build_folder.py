@@ -15,11 +15,15 @@ NOBODY = 65534
 
 def ask(name, folder, *others, **environment):
     """Call one of the script's own functions, which calls some others of them, with a folder."""
+    return call(f'{name} "$1"', folder, name, *others, **environment)
+
+
+def call(command, folder, *names, **environment):
     text = RUN.read_text(encoding="utf-8")
     functions = [re.search(rf"^{each}\(\) \{{([^\n]*\}}$|.*?^\}})", text, re.MULTILINE | re.DOTALL).group()
-                 for each in (*others, name)]
+                 for each in names]
     return subprocess.run(
-        ["bash", "-uc", "\n".join([*functions, f'{name} "$1"']), "bash", str(folder)],
+        ["bash", "-uc", "\n".join([*functions, command]), "bash", str(folder)],
         env={"PATH": os.environ["PATH"], **environment}, stdout=subprocess.PIPE, text=True)
 
 
@@ -140,6 +144,21 @@ def test_a_container_that_is_given_the_home_does_not_run_what_the_machine_has_bu
             ["bash", str(run), "--where"], env={"PATH": os.environ["PATH"], "HOME": str(tmp_path)}, check=True,
             stdout=subprocess.PIPE, text=True, timeout=60.0).stdout)
     assert told[0] != told[1]
+
+
+def test_a_robot_that_is_given_the_home_of_a_pc_does_not_run_what_that_has_built(tmp_path):
+    """Its simulator did not start, for want of a PyBullet, and each of its nodes compiled every kernel by itself."""
+    uname, places = tmp_path / "uname", []
+    for processor in ("x86_64", "aarch64"):
+        uname.write_text(f"#!/bin/sh\necho {processor}\n", encoding="utf-8")
+        uname.chmod(0o755)
+        workspace = where(HOME=str(tmp_path), PATH=f"{tmp_path}:{os.environ['PATH']}").stdout
+        begun = call(  # as far as the first command that changes something
+            'rm() { exit; }; say() { echo "$*"; }; make_interpreter', "", "make_interpreter", cache=str(tmp_path),
+            processor=processor).stdout
+        assert workspace.startswith(str(tmp_path)) and str(tmp_path) in begun
+        places.append((workspace, begun))
+    assert all(pc != robot for pc, robot in zip(*places))
 
 
 @pytest.mark.skipif(FALLBACK.exists() or FALLBACK.is_symlink(), reason=f"{FALLBACK} is in use")
