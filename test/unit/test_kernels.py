@@ -155,6 +155,17 @@ def test_who_builds_does_not_wait_for_kernels_compiled_for_a_list_of_parameters(
     subprocess.run(["env", told, sys.executable, "-c", program], check=True)
 
 
+def test_a_build_that_was_copied_to_a_robot_with_another_processor_compiles_its_kernels_anew(monkeypatch, tmp_path):
+    """It linked the PC's, which failed, and each node compiled every kernel by itself."""
+    from mbf_relay.kernel_build import __main__ as build
+
+    def place(machine):
+        monkeypatch.setattr("platform.machine", lambda: machine)
+        return build._object(tmp_path, {"mbf_relay.late_kernels": ""}, "mbf_relay.late_kernels", "")
+
+    assert place("x86_64") == place("x86_64") != place("aarch64")
+
+
 def test_a_module_that_cannot_be_loaded_fails_the_build_and_not_the_nodes(tmp_path):
     from mbf_relay.kernel_build.__main__ import _require_loadable
 

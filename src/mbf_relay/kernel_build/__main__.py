@@ -10,6 +10,7 @@ import hashlib
 import importlib.util
 import json
 import os
+import platform
 import subprocess
 import sys
 import sysconfig
@@ -135,9 +136,9 @@ def _compile(sources: Dict[str, str], objects: Path) -> Dict[str, List[List[Kern
 
 
 def _object(objects: Path, sources: Dict[str, str], name: str, features: str) -> Path:
-    """Return where a module's object file is: another one for each state of its source and of what compiles it."""
+    """Return where a module's object file is: another one for each state of its source, compiler and processor."""
     made_by = kernels.digest(str(HERE / "kernel_objects.py"))
-    state = sources[name] + made_by + sys.version + version("numba") + features
+    state = sources[name] + made_by + sys.version + version("numba") + platform.machine() + features
     key = hashlib.sha256(state.encode()).hexdigest()[:16]
     return objects / f"{name}-{key}.o"
 
