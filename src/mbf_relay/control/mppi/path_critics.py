@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from mbf_relay.control.mppi.critic import POINT_SPACING, CriticFunction, CriticParameters, Rollouts
-from mbf_relay.geometry import angle_between, normalize_angles
+from mbf_relay.geometry import normalize_angles
 from mbf_relay.parameters import parameter
 
 FORWARD, EITHER_WAY, AS_PLANNED = 0, 1, 2
@@ -131,20 +131,29 @@ class PathAngleCritic(CriticFunction):
             return 0.0
         index = min(data.furthest + p.offset_from_furthest, len(data.path) - 1)
         x, y = data.path[index]
-        off = abs(angle_between(pose.theta, math.atan2(y - pose.y, x - pose.x)))
-        if p.mode != FORWARD:
-            off = min(off, math.pi - off)
-        if off < p.max_angle_to_furthest:
+        direction = _directions(data.path)[index]
+        if _off(p.mode, direction, np.arctan2(y - pose.y, x - pose.x), pose.theta) < p.max_angle_to_furthest:
             return 0.0
         ends_x, ends_y, headings = (data.poses[:, -1, component].copy() for component in range(3))
-        bearings = np.arctan2(y - ends_y, x - ends_x)
-        angles = np.abs(normalize_angles(bearings - headings))
-        if p.mode == EITHER_WAY:
-            return np.minimum(angles, math.pi - angles)
-        if p.mode == AS_PLANNED:
-            backwards = np.abs(normalize_angles(bearings - _directions(data.path)[index])) >= math.pi / 2.0
-            return np.where(backwards, math.pi - angles, angles)
-        return angles
+        return _off(p.mode, direction, np.arctan2(y - ends_y, x - ends_x), headings)
+
+
+def _off(mode: int, direction: float, bearings: Any, headings: Any) -> Any:
+    """Return the angles (rad, 0 to pi) by which robots do not face a point of the path.
+
+    Args:
+        mode: PathAngleCritic's.
+        direction: The path's (rad) at the point.
+        bearings: Of the point (rad) from each robot.
+        headings: Of the robots (rad).
+    """
+    angles = np.abs(normalize_angles(bearings - headings))
+    if mode == EITHER_WAY:
+        return np.minimum(angles, math.pi - angles)
+    if mode == AS_PLANNED:
+        backwards = np.abs(normalize_angles(bearings - direction)) >= math.pi / 2.0
+        return np.where(backwards, math.pi - angles, angles)
+    return angles
 
 
 def _directions(path: np.ndarray) -> np.ndarray:
