@@ -15,7 +15,7 @@ from mbf_relay.control.mppi import CRITICS, rollout_kernels
 from mbf_relay.control.mppi.controller import MppiController
 from mbf_relay.control.mppi.critic import CriticFunction
 from mbf_relay.control.mppi.parameters import MppiParameters
-from mbf_relay.control.state import ControlState
+from mbf_relay.control.state import ControlState, SpeedLimit
 from mbf_relay.costmap.footprint_checker import FootprintChecker
 from mbf_relay.geometry import IDENTITY, STOP, Pose2D, Twist2D
 from mbf_relay.lockstep.settings import config_folder, load_settings
@@ -32,6 +32,13 @@ def make(**changes):
 
 def state(pose=START, velocity=STOP, now=0.0, occupied=nowhere):
     return ControlState(now, pose, velocity, costmap_round(pose, occupied), IDENTITY, 0.1)
+
+
+class Undecided(CriticFunction):
+    """A user's own critic that has no number for some drives, as where it divides by nothing."""
+
+    def score(self, rollouts):
+        return np.where(rollouts.velocities[:, :, 2].sum(axis=1) > 0.0, np.nan, 0.0)
 
 
 class Shy(CriticFunction):
@@ -82,14 +89,27 @@ def test_imagined_drives_are_those_of_a_robot_with_these_limits(radius):
         assert np.allclose(plain_roll_out(pose, velocity, one, low, high, limits, radius, 0.05), driven, atol=2e-4)
 
 
-def test_the_mean_is_of_drives_by_their_worth_and_within_limits():
-    samples = np.array([[[0.5, 0.0, 1.0]], [[0.1, 0.0, -1.0]], [[9.0, 0.0, 0.0]]])
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_the_mean_is_of_drives_by_their_worth_and_within_limits(side):
+    samples = side * np.array([[[0.5, 0.0, 1.0]], [[0.1, 0.0, -1.0]], [[9.0, 0.0, 0.0]]])
     costs, controls = np.array([0.0, 1.0, 50.0]), np.zeros((1, 3))
-    low, high = np.array([-1.0, 0.0, -1.0]), np.array([0.4, 0.0, 1.0])
+    low, high = np.sort(side * np.array([[-1.0, 0.0, -2.0], [0.37, 0.0, 1.0]]), axis=0)
     number = rollout_kernels.blend(costs, samples, np.ones(3), 1.0, 0.0, low, high, controls)
     share = 1.0 / (1.0 + math.exp(-1.0))
-    assert controls[0] == pytest.approx([min(0.4, 0.5 * share + 0.1 * (1 - share)), 0.0, 2 * share - 1.0])
-    assert 1.0 < number < 2.0
+    assert 0.5 * share + 0.1 * (1.0 - share) > 0.37
+    assert controls[0] == pytest.approx([side * 0.37, 0.0, side * (2 * share - 1.0)])
+    assert number == pytest.approx(1.0 / (share ** 2 + (1.0 - share) ** 2))
+
+
+def test_of_drives_that_cost_alike_the_one_that_leads_on_from_the_last_cycle_s_weighs_less():
+    """So Williams et al. have it, and Nav2: what a drive asks for beyond the last cycle's is to be worth it."""
+    controls, deviations = np.array([[0.2, 0.0, 0.5], [0.3, 0.0, -0.2]]), np.array([0.1, 1.0, 0.7])
+    samples = controls + np.random.default_rng(1).normal(0.0, 1.0, (5, 2, 3)) * (0.1, 0.0, 0.7)
+    strayed = (controls * (samples - controls) / deviations ** 2).sum(axis=(1, 2))
+    weights = np.exp(-0.3 * strayed / 0.2)
+    expected = (weights[:, None, None] * samples).sum(axis=0) / weights.sum()
+    rollout_kernels.blend(np.ones(5), samples, deviations, 0.2, 0.3, np.full(3, -9.0), np.full(3, 9.0), controls)
+    assert controls == pytest.approx(expected)
 
 
 def test_noise_leans_to_neither_side_and_is_the_same_for_one_seed():
@@ -217,15 +237,61 @@ def test_a_critic_of_ones_own_is_heard():
     assert max(command.theta for command in ways[0]) > 0.2 > max(command.theta for command in ways[1])
 
 
+@pytest.mark.parametrize("later", [5.0, -3.0])
+def test_a_robot_that_was_paused_does_not_go_on_with_the_drive_of_before(later):
+    fresh, used = make(), make()
+    for controller in (fresh, used):
+        controller.set_path(path_through((0.0, 0.0), (1.0, 0.3)), True)
+    for cycle in range(5):
+        before = used.compute_velocity(state(now=0.1 * cycle))
+    command, begun = (controller.compute_velocity(state(now=0.4 + later)) for controller in (used, fresh))
+    assert command == begun != before
+
+
+def looked_at(controller, *where):
+    """Return what critics look at in a cycle of a controller; its first critic charges nothing then."""
+    seen = []
+    controller.critics[0].score = lambda rollouts: seen.append(rollouts) or 0.0
+    controller.compute_velocity(*where)
+    return seen[0]
+
+
+def test_where_the_robot_is_to_go_slowly_no_faster_drive_is_imagined():
+    controller = make()
+    controller.limit_speed(SpeedLimit(share=0.5))
+    controller.set_path(path_through((0.0, 0.0), (1.0, 0.3)), True)
+    velocities = np.abs(looked_at(controller, state()).velocities).max(axis=(0, 1))
+    assert velocities[0] == pytest.approx(0.11) and velocities[2] <= 1.375 + 1e-9
+
+
+def test_a_path_that_leads_out_of_the_costmap_is_not_taken_for_blocked():
+    controller = make()
+    controller.set_path(path_through((0.0, 0.0), (3.0, 0.0)), True)
+    here = costmap_round(START, boxes((0.4, -0.1, 0.45, 0.1)), size=1.0)
+    rollouts = looked_at(controller, ControlState(0.0, START, STOP, here, IDENTITY, 0.1))
+    ahead = rollouts.path[:, 0]
+    assert rollouts.path_is_free[ahead > 0.5].all() and not rollouts.path_is_free[(ahead > 0.4) & (ahead < 0.45)].any()
+
+
+def test_a_robot_beside_the_end_of_its_path_is_not_taken_to_be_at_its_goal():
+    controller = make()
+    controller.set_path(path_through((0.0, 0.0), (1.0, 0.0)), True)
+    beside = state(pose=Pose2D(0.9, 0.4, -1.3))
+    assert looked_at(controller, beside).goal_distance == pytest.approx(math.hypot(0.1, 0.4))
+
+
+def test_a_robot_drives_on_where_a_critic_of_ones_own_has_no_number_for_some_drives():
+    controller = make(critics=[*BURGER["critics"], f"{__name__}.Undecided"])
+    assert drive(controller, path_through((0, 0), (0.5, 0.0)), START, seconds=10.0).reached
+
+
 def test_a_car_that_faces_away_from_its_path_on_a_coarse_map_is_not_drawn_to_its_end():
     """No imagined drive got ahead: points were counted from the path's end, and it was to face one there."""
-    controller, seen = make(motion_model="Ackermann", min_turning_r=1.0, min_vel_x=0.0, acc_lim_x=0.2), []
-    controller.critics[0].score = lambda rollouts: seen.append(rollouts.furthest) or 0.0
+    controller = make(motion_model="Ackermann", min_turning_r=1.0, min_vel_x=0.0, acc_lim_x=0.2)
     controller.set_path(path_through((0.0, 0.0), (9.0, 0.0)), True)
     pose = Pose2D(0.99, 0.0, math.pi)
     here = costmap_round(pose, size=6.0, resolution=0.5)
-    controller.compute_velocity(ControlState(0.0, pose, Twist2D(0.2, 0.0, 0.0), here))
-    assert seen == [0]
+    assert looked_at(controller, ControlState(0.0, pose, Twist2D(0.2, 0.0, 0.0), here)).furthest == 0
 
 
 def test_every_critic_gives_each_drive_a_finite_cost():
