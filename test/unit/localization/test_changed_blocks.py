@@ -7,10 +7,12 @@ import pytest
 from synthetic_room import room, scan_at
 
 from mbf_relay.geometry import IDENTITY, Pose2D
-from mbf_relay.localization.distance_field import OCCUPIED_FROM
+from mbf_relay.localization.change_kernels import average_blocks, count_beams
+from mbf_relay.localization.distance_field import OCCUPIED_FROM, DistanceField
 from mbf_relay.localization.localizer import Localizer
 from mbf_relay.localization.parameters import LocalizerParameters
 from mbf_relay.localization.stress import BLOCK, without_blocks
+from mbf_relay.maps import OccupancyMap
 
 START = Pose2D(1.5, 0.5, 0.3)
 NARROW = np.diag([0.05, 0.05, 0.02]) ** 2
@@ -135,3 +137,52 @@ def test_shelves_that_were_moved_pull_no_more_on_a_semi_static_map():
     world = room()
     world.data[2:-2, -9:] = 100  # all along one wall, 0.35 m deep
     assert mean_error(world, room(), True) < 0.7 * mean_error(world, room(), False)
+
+
+def counted(*beams):
+    """Return what beams along a map's rows tell of its blocks of half a metre: like, unlike and free, (3, 4, 9).
+
+    A wall a cell thick is where the lidar stands, one two cells thick at 3 m, unknown space from 4 m on. The map lies
+    turned, and the lidar beside the robot's middle. Beams are y, and x of the end (m) on the map.
+    """
+    data, origin = np.zeros((20, 43), dtype=np.int8), Pose2D(1.0, 2.0, 0.7)
+    data[:, 4] = data[:15, 30:32] = 100
+    data[:, 40:] = -1
+    field = DistanceField(OccupancyMap(data, 0.1, origin), 2.0)
+    counts, touched, laser = np.zeros((3, 36), np.float32), np.empty(36, np.int64), Pose2D(0.2, -0.1, 0.0)
+    for y, x in beams:
+        base = origin.compose(Pose2D(0.45, y, 2.5)).compose(laser.inverse())
+        end = base.inverse().transform_points(origin.transform_points(np.array([[x, y]])))
+        one = np.zeros_like(counts)
+        found = count_beams(
+            np.array(base), np.ascontiguousarray(end), np.array(laser[:2]), field.occupancy.data, field.codes,
+            (field.cell_distances == 0.0).astype(np.float32), field.cell_distances, field.frame, 0.3, 5, one, touched)
+        assert sorted(touched[:found]) == np.flatnonzero(one.any(axis=0)).tolist()
+        counts += one
+    return counts.reshape(3, 4, 9).round(3)
+
+
+def test_each_beam_tells_of_the_blocks_on_its_way_and_of_the_one_where_it_ends():
+    like, unlike, free = counted((1.05, 3.05), (0.55, 3.65), (1.55, 4.15), (1.55, 0.45))
+    for told, expected in (
+        (like, {(2, 6): 1.0}), (unlike, {(1, 6): 1.0, (1, 7): 1.0}),
+        (free, {(row, column): 1.0 for row, most in ((1, 6), (2, 6), (3, 8)) for column in range(1, most)}),
+    ):
+        assert {tuple(block): told[tuple(block)] for block in np.argwhere(told)} == expected
+
+
+def test_a_block_is_told_by_its_beams_as_far_as_they_say_something_new():
+    rng = np.random.default_rng(3)
+    counts = (rng.integers(0, 5, (3, 60)) * (rng.random((3, 60)) < 0.5)).astype(np.float32)
+    walled, seen, unlike = rng.random(60) < 0.5, rng.uniform(0.0, 4.0, 60), rng.random(60)
+    touched, news = rng.permutation(60)[:50], 0.4
+    told = counts[0] + counts[1]
+    beams = np.where(told > 0.0, told, np.where(walled, 0.0, counts[2]))
+    weights = np.where(np.isin(np.arange(60), touched), news * np.minimum(1.0, beams / 3.0), 0.0)
+    expected_seen = np.minimum(seen + weights, 4.0)
+    expected = unlike + weights / np.maximum(expected_seen, 1e-6) * (counts[1] / np.maximum(told, 1e-6) - unlike)
+    left = np.where(np.isin(np.arange(60), touched), 0.0, counts)
+    seen, unlike = seen.astype(np.float32), unlike.astype(np.float32)
+    average_blocks(counts, touched, 50, walled, news, 3.0, 4.0, seen, unlike)
+    assert seen == pytest.approx(expected_seen, abs=1e-5) and unlike == pytest.approx(expected, abs=1e-5)
+    assert np.array_equal(counts, left)
