@@ -17,6 +17,7 @@ from mbf_relay import files
 from mbf_relay.geometry import Pose2D
 from mbf_relay.simulation.frames import Frame
 from mbf_relay.simulation.mesh_files import read_mesh
+from mbf_relay.simulation.remarks import Remarks
 from mbf_relay.simulation.resources import MissingResource, find_resource, model_file
 from mbf_relay.simulation.shapes import Body, Box, Cylinder, Mesh, Shape, Sphere
 from mbf_relay.simulation.world import World
@@ -24,46 +25,11 @@ from mbf_relay.simulation.world import World
 DRIVES = ("diffdrive", "skidsteer", "planarmove", "ackermann", "mecanum", "kobuki", "husky", "roscontrol", "motor")
 """Parts of the file names of Gazebo plugins that drive a robot; a model with one is left out of the world."""
 PASSED_OVER = {
-    "physics",
-    "light",
-    "scene",
-    "gui",
-    "gravity",
-    "magnetic_field",
-    "atmosphere",
-    "audio",
-    "wind",
-    "spherical_coordinates",
-    "state",
-    "plugin",
-    "pose",
-    "frame",
-    "name",
-    "static",
-    "self_collide",
-    "enable_wind",
-    "allow_auto_disable",
-    "link",
-    "model",
-    "include",
-    "joint",
-    "visual",
-    "inertial",
-    "sensor",
-    "collision",
-    "uri",
-    "road",
-    "gripper",
-    "kinematic",
-    "velocity_decay",
-    "must_be_base_link",
-    "mass",
-    "inertia",
-    "material_name",
-    "projector",
-    "battery",
-    "audio_source",
-    "audio_sink",
+    "physics", "light", "scene", "gui", "gravity", "magnetic_field", "atmosphere", "audio", "wind",
+    "spherical_coordinates", "state", "plugin", "pose", "frame", "name", "static", "self_collide", "enable_wind",
+    "allow_auto_disable", "link", "model", "include", "joint", "visual", "inertial", "sensor", "collision", "uri",
+    "road", "gripper", "kinematic", "velocity_decay", "must_be_base_link", "mass", "inertia", "material_name",
+    "projector", "battery", "audio_source", "audio_sink",
 }
 """Elements that are read elsewhere or do not concern collisions; there is no warning of them."""
 ALWAYS_THERE = ("ground_plane", "sun")
@@ -74,8 +40,6 @@ FLAT = 0.999
 """Cosine of the largest tilt of a <plane> that counts as the ground."""
 SOON = 200
 """Bytes of a file within which its first element must begin."""
-MOST_NAMED = 5
-"""Models or files named in one warning; the others are counted."""
 BY_ATTRIBUTES = ("1.0", "1.1", "1.2")
 """Versions of SDF that have attributes where later ones have elements."""
 
@@ -101,10 +65,9 @@ class SdfReader:
     def __init__(self, path: str) -> None:
         self._path = path
         self._bodies: List[Body] = []
-        self._warnings: Dict[str, List[str]] = {}
+        self._remarks = Remarks()
         self._meshes: Dict[str, np.ndarray] = {}
-        self._left_out: Dict[str, None] = {}
-        self._missing: Dict[str, Tuple[str, MissingResource]] = {}
+        self._saved: Dict[str, Frame] = {}  # poses of the world's models by their names, from its <state>
         self._depth = self._includes = 0
 
     def world(self) -> World:
@@ -112,19 +75,17 @@ class SdfReader:
         root = self._parse(self._path)
         worlds = root.findall("world")
         if len(worlds) > 1:
-            self._warn("several worlds in one file: only the first is taken")
+            self._remarks.warn("several worlds in one file: only the first is taken")
         top = worlds[0] if worlds else root
         if not worlds and not root.findall("model"):
             raise ValueError(f"world file {self._path} holds neither a <world> nor a <model>")
-        saved = {m.get("name", ""): pose_of(m) for m in top.findall("state/model") if m.find("pose") is not None}
-        self._children(top, Frame.of(0.0, 0.0), os.path.dirname(os.path.abspath(self._path)), saved, "")
+        self._saved = {m.get("name", ""): pose_of(m) for m in top.findall("state/model") if m.find("pose") is not None}
+        self._children(top, Frame.of(0.0, 0.0), os.path.dirname(os.path.abspath(self._path)), "")
         name = top.get("name") or os.path.splitext(os.path.basename(self._path))[0]
-        lost = [*self._left_out, *self._missing_in_a_line()]
+        lost = self._remarks.lost()
         if lost and not self._bodies:
             raise ValueError(f"world file {self._path}: {'; '.join(lost)}")
-        told = [text.replace("{}", _list(names)) for text, names in self._warnings.items()]
-        told += [f"{line}; it is left out" for line in lost]
-        return World(name, tuple(self._bodies), Pose2D(0.0, 0.0, 0.0), warnings=tuple(told))
+        return World(name, tuple(self._bodies), Pose2D(0.0, 0.0, 0.0), warnings=tuple(self._remarks.lines()))
 
     def _parse(self, path: str) -> Element:
         with files.open_regular(path) as file:
@@ -145,72 +106,56 @@ class SdfReader:
             _of_attributes(root)
         return root
 
-    def _warn(self, text: str, name: str = "") -> None:
-        """Note a warning; one line is made for all names with the same text, in which they replace {}."""
-        names = self._warnings.setdefault(text, [])
-        if name not in names:
-            names.append(name)
+    def _children(self, parent: Element, frame: Frame, folder: str, prefix: str) -> None:
+        """Read models and includes of a world or a model.
 
-    def _leave_out(self, error: ValueError, whose: str = "") -> None:
-        """Note a part of the world that is left out, as it is missing or malformed; `whose` begins its line."""
-        if isinstance(error, MissingResource):
-            self._missing.setdefault(error.uri, (whose, error))
-        else:
-            self._left_out[whose + str(error)] = None
-
-    def _missing_in_a_line(self) -> List[str]:
-        """Return one line on all missing files, empty where there are none."""
-        if not self._missing:
-            return []
-        names = _list([f"{whose}'{error.uri}'" for whose, error in self._missing.values()])
-        advice = next(iter(self._missing.values()))[1].advice
-        return [f"{names} {'was' if len(self._missing) == 1 else 'were'} not found {advice}"]
-
-    def _children(
-        self, parent: Element, frame: Frame, folder: str, saved: Dict[str, Frame], prefix: str
-    ) -> None:
-        """Read models and includes of a world or a model."""
+        Args:
+            parent: The world or the model.
+            frame: Its pose in the world.
+            folder: Folder of its file, to which paths are relative.
+            prefix: What the names of its models begin with: "" for a world, "NAME/" for a model.
+        """
         frames = _Frames(parent, frame)
         for child in parent:
             if child.tag in ("model", "include"):
                 try:
-                    self._child(child, frames, folder, saved, prefix)
+                    if child.tag == "include":
+                        self._include(child, frames, folder, prefix)
+                    else:
+                        place = self._place(child.get("name", ""), prefix, child, frames)
+                        self._model(child, place, folder, prefix, _is_static(child))
                 except _Endless:
                     raise
                 except MissingResource as error:
-                    self._leave_out(error)
+                    self._remarks.leave_out(error)
                 except ValueError as error:
-                    self._leave_out(error, f"model '{prefix}{child.get('name', child.findtext('uri', 'model'))}': ")
+                    whose = child.get("name", child.findtext("uri", "model"))
+                    self._remarks.leave_out(error, f"model '{prefix}{whose}': ")
             elif child.tag not in PASSED_OVER:
-                self._warn("{} is not understood", f"<{child.tag}>")
+                self._remarks.warn("{} is not understood", f"<{child.tag}>")
 
-    def _child(self, child: Element, frames: _Frames, folder: str, saved: Dict[str, Frame], prefix: str) -> None:
-        """Read a model or an include."""
-        if child.tag == "include":
-            self._include(child, frames, folder, saved, prefix)
-            return
-        place = saved.get(child.get("name", "")) if not prefix else None
-        self._model(child, place or self._placed(child, frames), folder, prefix, False)
+    def _place(self, name: str, prefix: str, element: Element, frames: _Frames) -> Frame:
+        """Return a model's pose in the world: as saved in the world's <state>, else the one that an element gives."""
+        saved = None if prefix else self._saved.get(name)
+        return self._placed(element, frames) if saved is None else saved
 
     def _placed(self, element: Element, frames: _Frames) -> Frame:
         """Return the pose of an element in the world; warn where it is relative to an unknown frame."""
         try:
             return frames.placed(element)
         except KeyError as error:
-            self._warn("pose of {} is relative to an unknown frame, and taken as relative to its parent",
-                       f"'{element.get('name', element.tag)}' ({error})")
+            self._remarks.warn(
+                "pose of {} is relative to an unknown frame, and taken as relative to its parent",
+                f"'{element.get('name', element.tag)}' ({error})")
             return frames.parent.compose(pose_of(element))
 
-    def _include(
-        self, include: Element, frames: _Frames, folder: str, saved: Dict[str, Frame], prefix: str
-    ) -> None:
+    def _include(self, include: Element, frames: _Frames, folder: str, prefix: str) -> None:
         uri = (include.findtext("uri") or "").strip()
         if uri.rstrip("/").rpartition("/")[2].lower().replace(" ", "_") in ALWAYS_THERE:
             return
         found = find_resource(uri, folder)
         file = model_file(found) if os.path.isdir(found) else found
         renamed = (include.findtext("name") or "").strip()
-        static = (include.findtext("static") or "").strip().lower() in ("1", "true")
         models = self._parse(file).findall("model")
         self._depth += 1
         self._includes += 1
@@ -221,29 +166,28 @@ class SdfReader:
         try:
             for model in models:
                 name = renamed or model.get("name", "model")
-                place = saved.get(name) if not prefix else None
-                if place is None:
-                    # The include's pose replaces the model's own.
-                    place = self._placed(include if include.find("pose") is not None else model, frames)
+                # The include's pose replaces the model's own.
+                place = self._place(name, prefix, include if include.find("pose") is not None else model, frames)
                 model.set("name", name)
-                self._model(model, place, os.path.dirname(os.path.abspath(file)), prefix, static)
+                is_static = _is_static(include) or _is_static(model)
+                self._model(model, place, os.path.dirname(os.path.abspath(file)), prefix, is_static)
         finally:
             self._depth -= 1
 
-    def _model(self, model: Element, frame: Frame, folder: str, prefix: str, static: bool) -> None:
+    def _model(self, model: Element, frame: Frame, folder: str, prefix: str, is_static: bool) -> None:
         name = prefix + model.get("name", "model")
         if not prefix and any(part in _letters(plugin) for plugin in model.iter("plugin") for part in DRIVES):
-            self._warn("model {} is a robot; it is left out, since the simulator adds its own", f"'{name}'")
+            self._remarks.warn("model {} is a robot; it is left out, since the simulator adds its own", f"'{name}'")
             return
-        static = static or (model.findtext("static") or "").strip().lower() in ("1", "true")
         links = model.findall("link")
-        loose = not static and len(links) == 1 and not model.findall("joint") and not model.findall("model")
-        if not static and not loose and links:
-            self._warn("model {} has several links; it stands still, since joints are not simulated", f"'{name}'")
+        loose = not is_static and len(links) == 1 and not model.findall("joint") and not model.findall("model")
+        if not is_static and not loose and links:
+            self._remarks.warn(
+                "model {} has several links; it stands still, since joints are not simulated", f"'{name}'")
         frames = _Frames(model, frame)
         for link in links:
             self._link(link, self._placed(link, frames), folder, f"{name}/{link.get('name', 'link')}", loose, name)
-        self._children(model, frame, folder, {}, name + "/")
+        self._children(model, frame, folder, name + "/")
 
     def _link(self, link: Element, frame: Frame, folder: str, path: str, loose: bool, name: str) -> None:
         frames = _Frames(link, frame)
@@ -257,7 +201,7 @@ class SdfReader:
         if loose and solids:
             mass = self._mass(link)
             if len(solids) > 1:
-                self._warn("model {} has several collisions in one link; it stands still", f"'{name}'")
+                self._remarks.warn("model {} has several collisions in one link; it stands still", f"'{name}'")
                 mass = 0.0
         for index, (place, shape) in enumerate(solids):
             own = name if len(solids) == 1 else f"{path}/{collisions[index].get('name', index)}"
@@ -290,19 +234,19 @@ class SdfReader:
             if element.tag == "mesh":
                 return self._mesh(element, folder, name)
         except ValueError as error:
-            self._leave_out(error, f"model '{name}': ")
+            self._remarks.leave_out(error, f"model '{name}': ")
             return None
         if element.tag == "plane":
             normal = frame.rotation @ _numbers(element.findtext("normal") or "0 0 1", 3)
             if normal[2] < FLAT * np.linalg.norm(normal) or abs(frame.position[2]) > 1e-3:
-                self._warn("<plane> of model {} is not the ground at height 0; it is left out", f"'{name}'")
+                self._remarks.warn("<plane> of model {} is not the ground at height 0; it is left out", f"'{name}'")
             return None
-        self._warn(f"<{element.tag}> of model {{}} is not understood; it is left out", f"'{name}'")
+        self._remarks.warn(f"<{element.tag}> of model {{}} is not understood; it is left out", f"'{name}'")
         return None
 
     def _mesh(self, element: Element, folder: str, name: str) -> Mesh:
         if element.find("submesh") is not None:
-            self._warn("<submesh> of model {} is not understood; the whole mesh is taken", f"'{name}'")
+            self._remarks.warn("<submesh> of model {} is not understood; the whole mesh is taken", f"'{name}'")
         path = find_resource((element.findtext("uri") or element.findtext("filename") or "").strip(), folder)
         if path not in self._meshes:
             self._meshes[path] = read_mesh(path)
@@ -341,10 +285,8 @@ class _Frames:
         return self.placed(self._named[reference], depth + 1).compose(pose_of(element))
 
 
-def _list(names: List[str]) -> str:
-    """Return names for a message, the first MOST_NAMED and the number of the others."""
-    more = f" and {len(names) - MOST_NAMED} more" if len(names) > MOST_NAMED else ""
-    return ", ".join(names[:MOST_NAMED]) + more
+def _is_static(element: Element) -> bool:
+    return (element.findtext("static") or "").strip().lower() in ("1", "true")
 
 
 def _of_attributes(root: Element) -> None:

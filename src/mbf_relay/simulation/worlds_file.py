@@ -17,18 +17,8 @@ from mbf_relay.simulation.shapes import Body, Box, Cylinder, Shape
 from mbf_relay.simulation.world import Mover, World
 
 KNOWN = {
-    "name",
-    "cylinders",
-    "boxes",
-    "movers",
-    "start",
-    "goal",
-    "goal_radius",
-    "reference_path_length",
-    "time_limit",
-    "about",
-    "difficulty",
-    "map",
+    "name", "cylinders", "boxes", "movers", "start", "goal", "goal_radius", "reference_path_length", "time_limit",
+    "about", "difficulty", "map",
 }
 """Entries of a world."""
 KNOWN_OF_MOVERS = {"name", "radius", "height", "box", "waypoints", "loop"}
