@@ -43,9 +43,7 @@ NO_REPLAN_WITHIN = 0.1
 
 
 RecoveryWatcher = Callable[[str, int, int, Optional[FramedPose], str], None]
-"""Called when a recovery begins: with its behaviour, index in the list, length of the list, robot's pose and reason.
-"""
-
+"""Called as a recovery begins: with its behaviour, index in the list, length of the list, robot's pose and reason."""
 
 
 class NavigationParts(Protocol):
@@ -56,7 +54,7 @@ class NavigationParts(Protocol):
         robot: Gives poses and takes velocities.
         costmaps: "global" and "local".
         planners, controllers, recoveries: The plugins; the first planner and controller are the defaults.
-        recovery_watcher: Called when a recovery begins.
+        recovery_watcher, failure_watcher: Called when a recovery begins, and with the text of one that failed.
     """
 
     parameters: NavigatorParameters
@@ -66,6 +64,7 @@ class NavigationParts(Protocol):
     controllers: Registry[Controller]
     recoveries: Registry[Recovery]
     recovery_watcher: Optional[RecoveryWatcher]
+    failure_watcher: Optional[Callable[[str], None]]
 
     def new_plan(
         self, goal: PlanGoal, retry: bool = True, *, pathless: Optional[Stopwatch] = None
@@ -349,6 +348,8 @@ class MoveBase:
         if not at.recovery.task.done:
             return
         result = at.recovery.task.ended_with()
+        if result.outcome is not RecoveryOutcome.SUCCESS and self._navigator.failure_watcher is not None:
+            self._navigator.failure_watcher(f"recovery ended {result.outcome.name}: {result.message}")
         if result.outcome is RecoveryOutcome.INTERNAL_ERROR:
             self._recovery_fault = result.message
         self._progress.restart(now)

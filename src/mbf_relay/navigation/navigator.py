@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections import deque
 from enum import Enum
-from typing import Any, Deque, Dict, List, Mapping, Optional, Tuple
+from typing import Any, Callable, Deque, Dict, List, Mapping, Optional, Tuple
 
 from mbf_relay.costmap.layer import ZoneLimit
 from mbf_relay.navigation.controller_execution import ControllerExecution
@@ -55,6 +55,7 @@ class Navigator:
         odom_topic: Topic of odometry: the server's parameter if given, else the first one in a controller's parameters.
         plan_watcher: Called with each path found for a goal, and the planner's name; None for nobody.
         recovery_watcher: Called when a recovery of move_base begins; None for nobody.
+        failure_watcher: Called with the text of a recovery of move_base that failed; None for nobody.
 
     Raises:
         PluginError, ValueError: A list, a plugin or a parameter is wrong; the text says which.
@@ -82,6 +83,7 @@ class Navigator:
         self._announced: Deque[Tuple[str, FramedPose]] = deque(maxlen=100)  # bounded: in lockstep nobody takes them
         self.plan_watcher: Optional[PlanWatcher] = None
         self.recovery_watcher: Optional[RecoveryWatcher] = None
+        self.failure_watcher: Optional[Callable[[str], None]] = None
 
     # the actions
 

@@ -155,7 +155,7 @@ class Publishers(Observer):
         self.endings[ended.get(answer.status, "goals preempted")] += 1
         self.endings["last outcome"] = answer.reason or answer.text
         if answer.status == GoalStatus.ABORTED:
-            rospy.logwarn("goal %s aborted: %s", goal_id.id, answer.reason)
+            rospy.logerr("goal %s aborted: %s", goal_id.id, answer.reason)  # an error in C++, too
         elif answer.reason:
             rospy.loginfo("goal %s ended: %s", goal_id.id, answer.reason)
         outcome = MoveBaseActionResult(result=result if result is not None else nothing_known(answer))

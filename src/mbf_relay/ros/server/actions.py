@@ -10,18 +10,24 @@ from typing import Any, Callable, Deque, Dict, List, Optional, Type
 import rospy
 from mbf_msgs.msg import ExePathAction, GetPathAction, MoveBaseAction, RecoveryAction
 
-from mbf_relay.navigation.goals import NavigateOutcome
+from mbf_relay.navigation.controller_execution import PAUSED
+from mbf_relay.navigation.goals import FollowFeedback, NavigateOutcome
+from mbf_relay.navigation.move_base_states import NavigationState
 from mbf_relay.navigation.navigator import Navigator
 from mbf_relay.navigation.task import Ending, Task
 from mbf_relay.navigation.worker import InlineWorker, Job, Worker
 from mbf_relay.outcomes import ControlOutcome, NavigationError, PlanOutcome, RecoveryOutcome
 from mbf_relay.ros.common.actions.action_server import ActionServer
 from mbf_relay.ros.common.actions.goal_tracker import TrackedGoal
+from mbf_relay.ros.common.throttled_warnings import ThrottledWarnings
 from mbf_relay.ros.server import messages
 
 BEGUN_PER_STEP = 5
 """Largest number of goals begun in one step of navigation, so that hundreds of goals at once do not delay a driving
 robot's next velocity."""
+
+WITHOUT_TROUBLE = {"", PAUSED, *(state.value for state in NavigationState)}
+"""Messages of feedback that are no warnings."""
 
 
 class Request:
@@ -81,6 +87,7 @@ class Action:
         self._inbox: Deque[Request] = collections.deque()
         self._requests: Dict[str, Request] = {}
         self._running: List[Request] = []
+        self._warnings = ThrottledWarnings()
         self.server = make_server(
             f"~{name}", action_type, self._on_goal, self._on_cancel, self._recalled, overtaken_cb=self._on_overtaken)
 
@@ -141,11 +148,20 @@ class Action:
             for feedback in task.take_feedback():
                 if self._feedback is not None:
                     request.handle.publish_feedback(self._feedback(feedback, stamp, self._robot_frame))
+                    self._warn_of(feedback)
             if task.ending is not None:
                 self._end(request, task.ending, self._result(task.result, stamp))
             else:
                 still_running.append(request)
         self._running = still_running
+
+    def _warn_of(self, feedback: FollowFeedback) -> None:
+        """Log what keeps the robot from its goal, which clients of move_base are not told."""
+        if feedback.message in WITHOUT_TROUBLE:
+            self._warnings.worked()
+        else:
+            outcome = "" if feedback.outcome is ControlOutcome.SUCCESS else f"{feedback.outcome.name}: "
+            self._warnings.say(f"{self.name}: {outcome}{feedback.message}")
 
     def abort_all(self, outcome: str, message: str) -> None:
         """Abort all goals, as after an internal error or at shutdown; `outcome` is a name in the enumeration."""

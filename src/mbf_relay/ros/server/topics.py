@@ -16,7 +16,8 @@ from mbf_relay.ros.common.conversions import pose_stamped
 class NavigationTopics:
     """Publishes `~planner_goal` and `~controller_goal`, and both also on `~current_goal`, as Move Base Flex 0.4.0 does.
 
-    `~recovery_status` has each recovery that move_base begins, as of the node move_base; it is logged too.
+    `~recovery_status` has each recovery that move_base begins, as of the node move_base; it is logged too, and so is
+    one that fails.
 
     Args:
         navigator: Its goals and recoveries are published.
@@ -33,6 +34,7 @@ class NavigationTopics:
         namespace = f"{rospy.resolve_name('move_base')}/" if is_move_base else "~"
         self._recovery_status = rospy.Publisher(f"{namespace}recovery_status", RecoveryStatus, queue_size=10)
         navigator.recovery_watcher = self._tell_recovery
+        navigator.failure_watcher = lambda text: rospy.logwarn("%s", text)
 
     def publish(self, now: float) -> None:
         """Publish what happened since the last call; `now` in seconds."""
