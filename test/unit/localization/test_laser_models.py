@@ -7,7 +7,7 @@ from synthetic_room import room, scan_at
 from mbf_relay.geometry import IDENTITY, Pose2D
 from mbf_relay.localization.beams import Beams, pick_beams, step_between
 from mbf_relay.localization.distance_field import DistanceField, distances_to
-from mbf_relay.localization.laser_kernels import cast_ray, look_up_endpoints, sum_over_endpoints
+from mbf_relay.localization.laser_kernels import cast_ray, look_up_endpoints, sum_over_endpoints, trace_endpoints
 from mbf_relay.localization.laser_models import is_converged, make_laser_model
 from mbf_relay.localization.localizer import Localizer
 from mbf_relay.localization.parameters import LocalizerParameters
@@ -211,3 +211,39 @@ def test_a_lidar_said_to_err_by_nothing_is_taken_to_err_by_a_millimetre(model, r
     made, start = Localizer(parameters, room(), np.random.default_rng(1)), Pose2D(1.5, 0.5, 0.3)
     made.set_initial_pose(start, np.diag([0.02, 0.02, 0.01]))
     assert made.process(start, scan_at(room(), start, np.random.default_rng(2)), IDENTITY).pose.is_finite()
+
+
+@pytest.mark.parametrize("model", ["beam", "likelihood_field", "likelihood_field_prob"])
+def test_a_robot_s_lidar_may_sit_anywhere_and_its_map_lie_turned(model):
+    """Each pose weighs what that of the lidar does where the map's axes are the frame's."""
+    rng, turned, laser = np.random.default_rng(6), Pose2D(1.0, 2.0, 0.7), Pose2D(0.3, -0.2, 2.0)
+    parameters = LocalizerParameters(laser_model_type=model)
+    plain, other = (make_laser_model(DistanceField(room(origin), 2.0), parameters) for origin in (IDENTITY, turned))
+    scan = scan_at(room(IDENTITY), Pose2D(4.5, 2.5, 0.3), rng, beams=60)
+    eyes = np.array([4.5, 2.5, 0.3]) + rng.normal(0.0, 0.3, (40, 3))
+    robots = np.array([turned.compose(Pose2D(*eye)).compose(laser.inverse()) for eye in eyes])
+    expected = plain.log_likelihoods(eyes, plain.pick(scan, IDENTITY))
+    assert other.log_likelihoods(robots, other.pick(scan, laser)) == pytest.approx(expected, rel=0.02)
+
+
+def test_beams_that_pass_through_a_wall_are_those_that_small_steps_find_in_one():
+    rng, origin, margin = np.random.default_rng(5), Pose2D(1.0, 2.0, 0.7), 0.3
+    occupancy, laser = room(origin), Pose2D(0.2, -0.1, 0.0)
+    field, through = DistanceField(occupancy, 2.0), np.empty((6, 300), np.uint8)
+    eyes = [Pose2D(*pose) for pose in rng.uniform((0.3, 0.3, -3.0), (7.7, 5.7, 3.0), (6, 3))]
+    eyes[0] = Pose2D(3.25, 2.02, 0.5)  # a little inside a wall, as a pose may be by an error
+    robots = [origin.compose(eye).compose(laser.inverse()) for eye in eyes]
+    ends = rng.uniform(-3.5, 3.5, (300, 2))
+    ends[:40] = laser[:2] + 0.08 * ends[:40]  # so near that nothing of the beam is looked at
+    trace_endpoints(
+        np.array(robots), ends, np.array(laser[:2]), field.codes, field.cell_distances, field.frame, margin, through)
+    for eye, robot, row in zip(eyes, robots, through):
+        for end, told in zip(origin.inverse().transform_points(robot.transform_points(ends)), row):
+            length = math.hypot(end[0] - eye.x, end[1] - eye.y)
+            shares = np.arange(margin, length - margin, 0.002)[:, None] / length
+            cells = np.floor((np.array(eye[:2]) + shares * (end - eye[:2])) / 0.05).astype(int)
+            inside = ((cells >= 0) & (cells < (160, 120))).all(axis=1)
+            cells = cells[: np.argmin(inside) if not inside.all() else len(cells)]
+            in_wall = np.count_nonzero(occupancy.data[cells[:, 1], cells[:, 0]] == 100)
+            assert told == (in_wall > 0) or 0 < in_wall < 35, "corners of walls, which are 0.1 m thick, may be missed"
+    assert 100 < through.sum() < 1700

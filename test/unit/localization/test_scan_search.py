@@ -9,7 +9,8 @@ from mbf_relay.geometry import IDENTITY, Pose2D, angle_between
 from mbf_relay.localization import scan_search
 from mbf_relay.localization.beams import pick_beams
 from mbf_relay.localization.distance_field import DistanceField
-from mbf_relay.localization.scan_search import TURNS, ScanSearch
+from mbf_relay.localization.scan_likelihood import thin_out
+from mbf_relay.localization.scan_search import BEAMS, TURNS, ScanSearch
 from mbf_relay.localization.search_kernels import best_first, bound_all, bound_of
 from mbf_relay.maps import OccupancyMap
 
@@ -141,3 +142,31 @@ def test_every_heading_is_tried():
     for heading in np.linspace(-math.pi, math.pi, 7):
         truth = Pose2D(1.5, 0.5, float(heading))
         assert is_near(search.search(hits(occupancy, truth)).poses[0], truth)
+
+
+@pytest.mark.parametrize("place", [(1.5, 2.5, 0.3), (6.5, 4.0, -2.0)])
+def test_a_robot_is_told_the_best_place_of_all_that_there_are(place):
+    """Beside a look at every place: the blocks that are left out hold no better one, nor do those looked at."""
+    occupancy = room()
+    search, scan = ScanSearch(DistanceField(occupancy, 2.0)), hits(occupancy, ORIGIN.compose(Pose2D(*place)))
+    ends, headings = thin_out(scan, BEAMS), np.arange(TURNS) * (2.0 * math.pi / TURNS)
+    blocks = np.ascontiguousarray(np.argwhere(search._level(search._free, search._leaf)[1:, 1:]))
+    bounds = np.empty(len(blocks) * TURNS, np.uint16)
+    bound_all(search._leaf, blocks, search._offsets(ends, headings), search._scores, search._levels, bounds)
+    found = search.search(scan)
+    assert found.scores[0] * 255.0 * len(ends) == pytest.approx(bounds.max())
+    side = occupancy.resolution * 2 ** search._leaf
+    best = [
+        ORIGIN.compose(Pose2D((column + 0.5) * side, (row + 0.5) * side, headings[index % TURNS]))
+        for index in np.flatnonzero(bounds == bounds.max()) for row, column in [blocks[index // TURNS]]]
+    assert any(pose.distance_to(Pose2D(*found.poses[0])) < 1e-6 for pose in best)
+
+
+def test_a_robot_is_not_told_to_stand_where_the_map_knows_nothing():
+    occupancy, truth = room(), ORIGIN.compose(Pose2D(2.0, 2.8, 0.3))
+    known, scan = ScanSearch(DistanceField(room(), 2.0)), hits(room(), truth)
+    occupancy.data[52:60, 36:44] = -1
+    found = ScanSearch(DistanceField(occupancy, 2.0)).search(scan)
+    columns, rows = np.floor(ORIGIN.inverse().transform_points(found.poses[:, :2]) / 0.05).astype(int).T
+    assert len(found.poses) and (occupancy.data[rows, columns] == 0).all()
+    assert is_near(known.search(scan).poses[0], truth)
