@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 import math
-from typing import Dict, List, Optional, Set, Tuple
+from typing import Dict, List, Optional, Tuple
 
 import numpy as np
 
@@ -74,8 +74,9 @@ class Localizer:
         self.log_weights: np.ndarray
         self._odom_pose: Optional[Pose2D] = None
         self.odometry = OdometryWatch()
-        self._done: Set[str] = set()  # frames of the lidars of which a scan has counted since the robot moved
-        self._stood: Dict[str, Tuple[Pose2D, LaserScan]] = {}  # odometry where it began to stand, and the scan there
+        # by the frame of each lidar of which a scan has counted since the robot moved: odometry where it stands since,
+        # and the scan there
+        self._stood: Dict[str, Tuple[Pose2D, LaserScan]] = {}
         self._updates = 0.0
         self._converged = False
         self.field = DistanceField(occupancy, parameters.laser_likelihood_max_dist)
@@ -119,7 +120,6 @@ class Localizer:
     def change_odometry(self) -> None:
         """Expect odometry in another frame from the next scan on; the motion up to it is unknown, particles stay."""
         self.map_from_odom = self._odom_pose = None
-        self._stood = {}
 
     def set_map(self, occupancy: OccupancyMap) -> None:
         """Take another map; the particles stay where they are, and the next scan updates them.
@@ -233,9 +233,9 @@ class Localizer:
             raise ValueError(f"odometry pose {tuple(odom_pose)} is not finite")
         self._follow_odometry(odom_pose, scan, laser_pose_in_base)
         if self._odom_pose is None or self._forced or self._has_moved(self._odom_pose, odom_pose):
-            self._done = set()
+            self._stood = {}
         shown = 0.0
-        if scan.frame in self._done:
+        if scan.frame in self._stood:
             shown = self._shown_way(odom_pose, scan)
             if shown <= max(self.parameters.update_min_d, LEAST_SHOWN):
                 return None
@@ -256,7 +256,6 @@ class Localizer:
         # As in amcl the first scan after a start, which counts anyway, leaves a request to the second.
         self._forced = self._forced and self._odom_pose is None
         self._odom_pose = odom_pose
-        self._done.add(scan.frame)
         self.last_estimate = self._estimate(weights, pose, moments)
         if self._updates >= self.parameters.resample_interval:
             self._updates = 0.0
@@ -270,7 +269,7 @@ class Localizer:
             odom_pose, scan.stamp, self.map_from_odom,
             lambda pose: self.field.share_on_map(pose, self._pick(scan, laser_pose).hits))
         if moved is not None and self.map_from_odom is not None:
-            self.map_from_odom, self._stood = self.map_from_odom.compose(moved.inverse()), {}
+            self.map_from_odom = self.map_from_odom.compose(moved.inverse())
             self._odom_pose = None if self._odom_pose is None else moved.compose(self._odom_pose)
 
     def _has_moved(self, before: Pose2D, after: Pose2D, share: float = 1.0) -> bool:
@@ -287,8 +286,8 @@ class Localizer:
 
         People walking by change few beams. 0 where too few beams returned both times.
         """
-        stood_at, stood = self._stood.get(scan.frame, (odom_pose, scan))
-        if stood is scan or self._has_moved(stood_at, odom_pose, STANDS) or not self.parameters.robust:
+        stood_at, stood = self._stood[scan.frame]
+        if self._has_moved(stood_at, odom_pose, STANDS) or not self.parameters.robust:
             self._stood[scan.frame] = odom_pose, scan
             return 0.0
         limits = limits_of(scan, self.parameters.laser_min_range, self.parameters.laser_max_range)
@@ -376,7 +375,7 @@ class Localizer:
             self._averages.reset()
 
     def _random_poses(self, count: int) -> np.ndarray:
-        return self.field.random_free_poses(count if self.field.has_free_cells else 0, self._rng)
+        return self.field.random_free_poses(count, self._rng)
 
     def _start(self, poses: np.ndarray) -> None:
         """Take new particles, shape (N, 3); the next scan updates them without a motion."""
@@ -385,7 +384,6 @@ class Localizer:
         self.log_weights = np.full(len(poses), -math.log(len(poses)))
         self._averages.reset()
         self._odom_pose = None
-        self._done = set()
         self._forced = self._converged = False
         self._updates = 0.0
         self._tracker.start()
