@@ -28,11 +28,11 @@ def main() -> None:
     """Drive until ROS goes down."""
     rospy.init_node("move_base_flex")
     controllers = Registry("controllers", read_namespace("~"), Controller, CONTROLLERS, InlineWorker(), "local")
-    kept = serve_controllers(controllers)
+    serve_controllers(controllers)
     controller, robot, way = controllers.plugin("DWAPlannerROS"), PaperRobot(Pose2D(0.0, 0.0, 0.0)), 0
     controller.set_path(WAYS[0], True)
     rate = rospy.Rate(1.0 / PERIOD)
-    while kept and not rospy.is_shutdown():
+    while not rospy.is_shutdown():
         state = ControlState(
             rospy.get_time(), robot.pose, robot.velocity, costmap_round(robot.pose, POSTS), IDENTITY, PERIOD)
         if controller.is_goal_reached(state):

@@ -55,7 +55,7 @@ class CloudInput:
             base_frame: Returns the frame of the robot's base.
         """
         self._values, self._queue, self._transforms, self._base_frame = values, queue, transforms, base_frame
-        self._subscriber = rospy.Subscriber(
+        rospy.Subscriber(
             "cloud_in", QuickCloud, self._take, queue_size=10, buff_size=BUFFER_BYTES, tcp_nodelay=True
         )
 

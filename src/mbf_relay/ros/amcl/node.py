@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 import threading
 import time
-from typing import Any, Callable, Optional, Tuple
+from typing import Callable, Optional, Tuple
 
 import numpy as np
 import rospy
@@ -86,31 +86,26 @@ class AmclNode:
 
     def open(self) -> None:
         """Get the map; advertise and subscribe to all topics and services but the scans."""
-        self._subscribers = [
-            rospy.Subscriber("initialpose", PoseWithCovarianceStamped, self._take_initial_pose, queue_size=2)]
+        rospy.Subscriber("initialpose", PoseWithCovarianceStamped, self._take_initial_pose, queue_size=2)
         if self._parameters.use_map_topic:
-            self._subscribers.append(
-                rospy.Subscriber("map", OccupancyGrid, self._take_map, queue_size=1, buff_size=1 << 24))
+            rospy.Subscriber("map", OccupancyGrid, self._take_map, queue_size=1, buff_size=1 << 24)
         else:
             self._use_map(request_map(self._parameters.global_frame_id), self._saved_start())
-        self._services = [
-            rospy.Service("global_localization", Empty, self._globalize),
-            rospy.Service("request_nomotion_update", Empty, self._request_update),
-            rospy.Service("set_map", SetMap, self._set_map),
-            rospy.Service("~relocalize", Trigger, self._relocalize),
-        ]
-        self._reconfigure_server = self._serve_reconfigure()
-        self._diagnostics = diagnostics.Diagnostics()
-        self._diagnostics.add("Standard deviation", self._report)
-        self._diagnostics.add("scans", self._report_scans)
+        rospy.Service("global_localization", Empty, self._globalize)
+        rospy.Service("request_nomotion_update", Empty, self._request_update)
+        rospy.Service("set_map", SetMap, self._set_map)
+        rospy.Service("~relocalize", Trigger, self._relocalize)
+        self._serve_reconfigure()
+        reports = diagnostics.Diagnostics()
+        reports.add("Standard deviation", self._report)
+        reports.add("scans", self._report_scans)
         rospy.on_shutdown(lambda: self._save_pose(self._saved_pose.save))
 
     def run(self) -> None:
         """Subscribe to scans and work until shutdown."""
-        self._subscribers.append(rospy.Subscriber(
-            "scan", LaserScanMessage, self._take_scan, queue_size=10, buff_size=1 << 20, tcp_nodelay=True))
-        self._clouds = CloudInput(self._cloud_values, self._queue, self.transforms,
-                                  lambda: self._parameters.base_frame_id)
+        rospy.Subscriber(
+            "scan", LaserScanMessage, self._take_scan, queue_size=10, buff_size=1 << 20, tcp_nodelay=True)
+        CloudInput(self._cloud_values, self._queue, self.transforms, lambda: self._parameters.base_frame_id)
         while not rospy.is_shutdown():
             for message in self._queue.take(self.is_ready, timeout=0.1):
                 self.process(message)
@@ -118,11 +113,11 @@ class AmclNode:
             self._scan_watch.warn_of_silence(
                 self._queue, lambda message: missing_transform(self.transforms, self._parameters, message))
 
-    def _serve_reconfigure(self) -> Any:
+    def _serve_reconfigure(self) -> None:
         from mbf_relay.cfg import AMCLConfig
         from mbf_relay.ros.common import reconfigure
 
-        return reconfigure.serve(AMCLConfig, self._parameters, self._reconfigure)
+        reconfigure.serve(AMCLConfig, self._parameters, self._reconfigure)
 
     def _reconfigure(self, wanted: AmclParameters) -> None:
         with self._lock:

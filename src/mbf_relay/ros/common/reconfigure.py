@@ -82,19 +82,16 @@ def load(path: str) -> Any:
     return importlib.import_module(path)
 
 
-def serve_plugin(registry: Registry[Any], name: str) -> List[Any]:
-    """Serve a plugin's parameters by dynamic_reconfigure, if it has any such; keep a reference to the returned servers.
+def serve_plugin(registry: Registry[Any], name: str) -> None:
+    """Serve a plugin's parameters by dynamic_reconfigure, if it has any such.
 
     Changes apply to the plugin's instances in all slots.
     """
     plugin = registry.plugin(name)
-    if not plugin.dynamic_config:
-        return []
-
-    def apply(parameters: Any) -> None:
-        registry.reconfigure(name, parameters)
-
-    return [serve(load(plugin.dynamic_config), plugin.parameters, apply, namespace=name)]
+    if plugin.dynamic_config:
+        serve(
+            load(plugin.dynamic_config), plugin.parameters, lambda parameters: registry.reconfigure(name, parameters),
+            namespace=name)
 
 
 def _check_texts(values: Dict[str, Any]) -> None:
@@ -188,7 +185,7 @@ def serve(
         defaults: Returns the set that `restore_defaults` brings back, where that is not `parameters`.
 
     Returns:
-        The dynamic_reconfigure server; keep a reference to it.
+        The dynamic_reconfigure server.
     """
     import rospy
     from dynamic_reconfigure.server import Server

@@ -76,7 +76,6 @@ class CostmapNode:
         # keeps an update from showing a new map where the last one lay; taken before the costmap's own lock
         self._placing = threading.Lock()
         self._sensors: Dict[str, SensorInput] = {}
-        self._reconfigure: List[Any] = []
 
     def start(self) -> None:
         """Subscribe, and start the thread that updates and publishes."""
@@ -91,8 +90,8 @@ class CostmapNode:
                 self.timings)
         topic = rospy.resolve_name(f"~{self._name}/{self.costmap.parameters.footprint_topic}")
         if topic != self._publisher.footprint_topic:  # costmap_2d's default names both alike, with different types
-            self._outline = rospy.Subscriber(topic, Polygon, self._take_footprint, queue_size=1)
-        self._reconfigure = serve_costmap(self.costmap, self._stepper.wake)
+            rospy.Subscriber(topic, Polygon, self._take_footprint, queue_size=1)
+        serve_costmap(self.costmap, self._stepper.wake)
         self._stepper.start()
 
     def close(self) -> None:

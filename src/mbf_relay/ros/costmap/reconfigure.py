@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, Callable, List
+from typing import Any, Callable
 
 import rospy
 
@@ -12,8 +12,8 @@ from mbf_relay.costmap.parameters import CostmapParameters
 from mbf_relay.ros.common import reconfigure
 
 
-def serve_costmap(costmap: Costmap, wake: Callable[[], None]) -> List[Any]:
-    """Offer what can be changed in a costmap and in its layers; keep the result.
+def serve_costmap(costmap: Costmap, wake: Callable[[], None]) -> None:
+    """Offer what can be changed in a costmap and in its layers.
 
     Args:
         costmap: Takes the changes, which show from its next update on.
@@ -28,11 +28,10 @@ def serve_costmap(costmap: Costmap, wake: Callable[[], None]) -> List[Any]:
     # dynamic_reconfigure has no lists, and its server fails on one that stands on the parameter server
     shown = costmap.parameters.replace(footprint=_as_text(costmap.parameters))
     rospy.set_param(f"~{costmap.name}/footprint", shown.footprint)
-    served = [reconfigure.serve(CostmapConfig, shown, apply, costmap.name)]
+    reconfigure.serve(CostmapConfig, shown, apply, costmap.name)
     for layer in costmap.layers:
         if "enabled" in layer.parameters.names():
-            served.append(_serve_layer(costmap, layer, wake))
-    return served
+            _serve_layer(costmap, layer, wake)
 
 
 def _as_text(parameters: CostmapParameters) -> str:
@@ -41,11 +40,11 @@ def _as_text(parameters: CostmapParameters) -> str:
     return given if isinstance(given, str) else str([[float(x), float(y)] for x, y in given])
 
 
-def _serve_layer(costmap: Costmap, layer: Layer, wake: Callable[[], None]) -> Any:
+def _serve_layer(costmap: Costmap, layer: Layer, wake: Callable[[], None]) -> None:
     def apply(parameters: Any) -> None:
         costmap.reconfigure_layer(layer.name, parameters)
         wake()
 
-    return reconfigure.serve(
+    reconfigure.serve(
         reconfigure.load(layer.dynamic_config), layer.parameters, apply, f"{costmap.name}/{layer.name}"
     )

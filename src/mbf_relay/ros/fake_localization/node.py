@@ -46,12 +46,9 @@ class FakeLocalizationNode:
         self._cloud_publisher = rospy.Publisher("particlecloud", PoseArray, queue_size=2, latch=True)
         self._initial_pose: Optional[Pose2D] = None  # applied with the next true pose
         self._sent, self._told_at = rospy.Time(0), time.monotonic()
-        self._subscribers = [
-            rospy.Subscriber("initialpose", PoseWithCovarianceStamped, self._take_initial_pose, queue_size=1),
-            rospy.Subscriber(TOPIC, Odometry, self._take_truth, queue_size=10, tcp_nodelay=True),
-        ]
-        self._diagnostics = diagnostics.Diagnostics()
-        self._diagnostics.add("true pose", self._report)
+        rospy.Subscriber("initialpose", PoseWithCovarianceStamped, self._take_initial_pose, queue_size=1)
+        rospy.Subscriber(TOPIC, Odometry, self._take_truth, queue_size=10, tcp_nodelay=True)
+        diagnostics.Diagnostics().add("true pose", self._report)
 
     def run(self) -> None:
         """Work until shutdown."""

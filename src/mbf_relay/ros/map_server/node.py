@@ -39,12 +39,9 @@ class MapServer:
         self._map_publisher = rospy.Publisher("map", OccupancyGrid, queue_size=1, latch=True)
         self._metadata_publisher = rospy.Publisher("map_metadata", MapMetaData, queue_size=1, latch=True)
         self._publish(occupancy)
-        self._services = [
-            rospy.Service("static_map", GetMap, self._give),
-            rospy.Service("change_map", LoadMap, self._change),
-        ]
-        self._diagnostics = Diagnostics()
-        self._diagnostics.add("map", self._report)
+        rospy.Service("static_map", GetMap, self._give)
+        rospy.Service("change_map", LoadMap, self._change)
+        Diagnostics().add("map", self._report)
 
     def _publish(self, occupancy: OccupancyMap) -> None:
         message = map_to_message(occupancy, self._frame, rospy.get_rostime())

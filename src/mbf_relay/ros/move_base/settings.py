@@ -41,14 +41,13 @@ class OwnSettings:
         self.values, self._namespace = values, namespace
         self.recoveries: Tuple[str, ...] = () if lists_recoveries(namespace) else default_recoveries(values)
         self._server: Any = None
-        self._front: Any = None
 
     def serve(self, server: MoveBaseFlex) -> None:
         """Start the dynamic_reconfigure server; changes are applied to `server`."""
         from mbf_relay.cfg import MoveBaseConfig
 
         self._server = server
-        self._front = reconfigure.serve(MoveBaseConfig, self.values, self._change)
+        reconfigure.serve(MoveBaseConfig, self.values, self._change)
 
     def plugin_names(self) -> Tuple[str, str]:
         """Return the server's names of the planner and the controller in use."""

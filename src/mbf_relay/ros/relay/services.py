@@ -49,7 +49,7 @@ class MakePlan:
             f"{parameters.server}/get_path", GetPathAction, 2.0 * parameters.service_timeout, silence
         )
         self._one_at_a_time = threading.Lock()
-        self._service = rospy.Service("~make_plan", GetPlan, self._answer)
+        rospy.Service("~make_plan", GetPlan, self._answer)
 
     def _answer(self, request: GetPlanRequest) -> GetPlanResponse:
         """Return the plan; an empty one where there is none."""
@@ -129,7 +129,7 @@ class ClearCostmaps:
         self._clear = rospy.ServiceProxy(f"{server}/clear_costmaps", Empty)
         self._lock = threading.Lock()  # guards `_hanging`
         self._hanging: Optional[ServiceCall] = None
-        self._service = rospy.Service("~clear_costmaps", Empty, self._answer)
+        rospy.Service("~clear_costmaps", Empty, self._answer)
 
     def _answer(self, _request: EmptyRequest) -> EmptyResponse:
         """Call the server's service, or wait for a call that has not returned since an earlier timeout."""
@@ -150,10 +150,8 @@ class PauseByServer:
 
     def __init__(self, server: str, patience: float) -> None:
         self._node, self._patience = rospy.resolve_name(server), patience
-        self._services = [
+        for name in ("pause", "resume"):
             rospy.Service(f"~{name}", Trigger, lambda _request, name=name: self._answer(name))
-            for name in ("pause", "resume")
-        ]
 
     def _answer(self, name: str) -> TriggerResponse:
         call = ServiceCall(rospy.ServiceProxy(f"{self._node}/{name}", Trigger))

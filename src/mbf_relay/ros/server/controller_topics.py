@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any, List
-
 import numpy as np
 import rospy
 from nav_msgs.msg import Path as PathMessage
@@ -51,14 +49,16 @@ class ControllerTopics:
             self._trajectory_cloud.publish(_trajectory_cloud(report))
 
 
-def serve_controllers(controllers: Registry[Controller]) -> List[Any]:
-    """Advertise the topics and reconfigure servers of all controllers; the caller must keep a reference to them."""
-    return [part for name in controllers.names for part in serve_controller(controllers, name)]
+def serve_controllers(controllers: Registry[Controller]) -> None:
+    """Advertise the topics and reconfigure servers of all controllers."""
+    for name in controllers.names:
+        serve_controller(controllers, name)
 
 
-def serve_controller(controllers: Registry[Controller], name: str) -> List[Any]:
-    """Advertise the topics and, where it has one, the reconfigure server of a controller, as `serve_controllers`."""
-    return [ControllerTopics(controllers.plugin(name)), *reconfigure.serve_plugin(controllers, name)]
+def serve_controller(controllers: Registry[Controller], name: str) -> None:
+    """Advertise the topics and, where it has one, the reconfigure server of a controller."""
+    ControllerTopics(controllers.plugin(name))
+    reconfigure.serve_plugin(controllers, name)
 
 
 def _heard(publisher: rospy.Publisher) -> bool:

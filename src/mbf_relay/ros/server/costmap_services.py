@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
-from typing import Any, Callable, List, Mapping
+from typing import Any, Callable, Mapping
 
 import numpy as np
 import rospy
@@ -48,17 +48,15 @@ class CostmapServices:
         self, nodes: Mapping[str, CostmapNode], transforms: Transforms, robot_frame: str, wake: Callable[[], bool]
     ) -> None:
         self._nodes, self._transforms, self._robot_frame, self._wake = nodes, transforms, robot_frame, wake
-        self._services: List[rospy.Service] = [
-            self._serve("check_point_cost", srv.CheckPoint, self._check_point),
-            self._serve("check_pose_cost", srv.CheckPose, self._check_pose),
-            self._serve("check_path_cost", srv.CheckPath, self._check_path),
-            self._serve("update_costmaps", Empty, self._update),
-            self._serve("clear_costmaps", Empty, self._clear),
-        ]
+        self._serve("check_point_cost", srv.CheckPoint, self._check_point)
+        self._serve("check_pose_cost", srv.CheckPose, self._check_pose)
+        self._serve("check_path_cost", srv.CheckPath, self._check_path)
+        self._serve("update_costmaps", Empty, self._update)
+        self._serve("clear_costmaps", Empty, self._clear)
         if hasattr(srv, "FindValidPose"):  # not in mbf_msgs 0.4.0
-            self._services.append(self._serve("find_valid_pose", srv.FindValidPose, self._find_valid_pose))
+            self._serve("find_valid_pose", srv.FindValidPose, self._find_valid_pose)
 
-    def _serve(self, name: str, service_type: Any, answer: Callable[[Any], Any]) -> rospy.Service:
+    def _serve(self, name: str, service_type: Any, answer: Callable[[Any], Any]) -> None:
         def handle(request: Any) -> Any:
             try:
                 return answer(request)
@@ -66,7 +64,7 @@ class CostmapServices:
                 rospy.logwarn("%s: %s", name, error)
                 raise rospy.ServiceException(str(error)) from error
 
-        return rospy.Service(f"~{name}", service_type, handle)
+        rospy.Service(f"~{name}", service_type, handle)
 
     def _check_point(self, request: Any) -> Any:
         costmap = self._costmap(request.costmap)

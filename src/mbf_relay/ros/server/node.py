@@ -99,9 +99,9 @@ class MoveBaseFlex:
         """Advertise all services, topics and actions and start the stepping thread."""
         rospy.on_shutdown(self.close)
         if not self._is_move_base:
-            self._reconfigure_server = _serve_reconfigure(self.navigator, self.reconfigure)
-        self._controllers = serve_controllers(self.navigator.controllers)
-        self._planners = serve_planners(self.navigator.planners)
+            _serve_reconfigure(self.navigator, self.reconfigure)
+        serve_controllers(self.navigator.controllers)
+        serve_planners(self.navigator.planners)
         for node in self._costmap_nodes.values():
             node.start()
         if self._costmap_nodes:
@@ -109,14 +109,14 @@ class MoveBaseFlex:
                 self._costmap_nodes, self._transforms, self.navigator.parameters.robot_frame, self._ask_costmaps
             )
         self._plan_services = PlanServices(self.navigator, self._planner, self._rouse)
-        self._pause_services = PauseServices(self.robot, self._stepper.wake)
+        PauseServices(self.robot, self._stepper.wake)
         self._stepper.start()
         self._watchdog.start()
         start_together([action.server for action in self._actions])
-        self._diagnostics = Diagnostics()
-        self._diagnostics.add("navigation", self._report)
+        diagnostics = Diagnostics()
+        diagnostics.add("navigation", self._report)
         for side, node in self._costmap_nodes.items():
-            self._diagnostics.add(f"{side} costmap", node.report)
+            diagnostics.add(f"{side} costmap", node.report)
 
     def add_plugin(self, kind: str, name: str, type_name: str) -> None:
         """Load a planner or a controller at run time; do nothing where there is one of that name.
@@ -136,9 +136,9 @@ class MoveBaseFlex:
         if kind == "planners":
             self._planner_topics.add(name)
             self._plan_services.add(name)
-            self._planners += serve_planner(registry, name)
+            serve_planner(registry, name)
         else:
-            self._controllers += serve_controller(registry, name)
+            serve_controller(registry, name)
 
     def reconfigure(self, parameters: NavigatorParameters) -> None:
         """Use new parameters from the next step on."""
@@ -262,10 +262,10 @@ def _warn_of_stray_groups(config: Mapping[str, Any], plugins: List[str]) -> None
             rospy.resolve_name(f"~{name}"), hint)
 
 
-def _serve_reconfigure(navigator: Navigator, apply: Callable[[NavigatorParameters], None]) -> Any:
+def _serve_reconfigure(navigator: Navigator, apply: Callable[[NavigatorParameters], None]) -> None:
     from mbf_relay.cfg import MoveBaseFlexConfig
 
-    return reconfigure.serve(MoveBaseFlexConfig, navigator.parameters, apply)
+    reconfigure.serve(MoveBaseFlexConfig, navigator.parameters, apply)
 
 
 def main() -> None:

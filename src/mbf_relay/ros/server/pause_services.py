@@ -24,10 +24,8 @@ class PauseServices:
         self._robot, self._wake = robot, wake
         self._told = rospy.Publisher("~paused", Bool, queue_size=1, latch=True)
         self._told.publish(Bool(False))
-        self._services = [
-            rospy.Service("~pause", Trigger, lambda request: self._answer(request, True)),
-            rospy.Service("~resume", Trigger, lambda request: self._answer(request, False)),
-        ]
+        rospy.Service("~pause", Trigger, lambda request: self._answer(request, True))
+        rospy.Service("~resume", Trigger, lambda request: self._answer(request, False))
 
     def _answer(self, _request: TriggerRequest, paused: bool) -> TriggerResponse:
         if self._robot.paused == paused:

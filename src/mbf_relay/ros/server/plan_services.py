@@ -40,14 +40,14 @@ class PlanServices:
     ) -> None:
         self._navigator, self._default, self._rouse = navigator, default, rouse
         self._one_at_a_time = threading.Lock()  # a planner is never called twice at once
-        self._services = [rospy.Service("~make_plan", GetPlan, lambda request: self._answer(request, self._default()))]
+        rospy.Service("~make_plan", GetPlan, lambda request: self._answer(request, self._default()))
         for name in navigator.planners.names:
             self.add(name)
 
     def add(self, name: str) -> None:
         """Offer a planner's own service."""
         self._navigator.planners.instance(name, INSTANCE)  # made here, since a service's thread must not make plugins
-        self._services.append(rospy.Service(f"~{name}/make_plan", GetPlan, lambda request: self._answer(request, name)))
+        rospy.Service(f"~{name}/make_plan", GetPlan, lambda request: self._answer(request, name))
 
     def _answer(self, request: GetPlanRequest, planner: str) -> GetPlanResponse:
         response = GetPlanResponse()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, ClassVar, Dict, List, Type
+from typing import Any, ClassVar, Dict, Type
 
 import numpy as np
 import rospy
@@ -72,15 +72,15 @@ PUBLISHERS: Dict[str, Type[PotentialPublisher]] = {"cloud": PotentialCloud, "gri
 """Publisher by the form that a planner's `potential_display` names."""
 
 
-def serve_planners(planners: Registry[Planner]) -> List[Any]:
-    """Advertise the potentials and reconfigure servers of the planners; the caller must keep a reference to them."""
-    return [each for name in planners.names for each in serve_planner(planners, name)]
+def serve_planners(planners: Registry[Planner]) -> None:
+    """Advertise the potentials and reconfigure servers of all planners."""
+    for name in planners.names:
+        serve_planner(planners, name)
 
 
-def serve_planner(planners: Registry[Planner], name: str) -> List[Any]:
-    """Advertise the potential and the reconfigure server of one planner, as `serve_planners`."""
+def serve_planner(planners: Registry[Planner], name: str) -> None:
+    """Advertise the potential and, where it has one, the reconfigure server of a planner."""
     planner = planners.plugin(name)
-    served: List[Any] = []
     if planner.potential_display is not None:
-        served.append(PUBLISHERS[planner.potential_display.form](planner))
-    return served + reconfigure.serve_plugin(planners, name)
+        PUBLISHERS[planner.potential_display.form](planner)
+    reconfigure.serve_plugin(planners, name)

@@ -75,10 +75,8 @@ class Neighbours:
     ) -> None:
         self._put, self._size = put, size
         self._seen: Dict[str, float] = {}
-        self._subscribers = [
+        for name in namespaces:
             rospy.Subscriber(f"{name}/ground_truth", Odometry, self._take, name, queue_size=1, tcp_nodelay=True)
-            for name in namespaces
-        ]
 
     def _take(self, message: Odometry, name: Any) -> None:
         now = message.header.stamp.to_sec()

@@ -80,7 +80,7 @@ class Simulator:
         rospy.Subscriber("~set_obstacles", MarkerArray, self._take_obstacles)  # each counts, however many come at once
         robot = self.simulation.robot
         size = (float(np.ptp(robot.footprint, axis=0).max()), robot.height)  # neighbours are taken for robots like it
-        self._neighbours = Neighbours(self._settings.neighbours.split(), size, self._take_obstacles)
+        Neighbours(self._settings.neighbours.split(), size, self._take_obstacles)
         rospy.Service("~reset", Empty, self._serve_reset)
         rospy.Service("~pause", Empty, lambda _: self._serve_pause(True))
         rospy.Service("~unpause", Empty, lambda _: self._serve_pause(False))
@@ -88,9 +88,8 @@ class Simulator:
         rospy.Service("~take_pictures", Trigger, self._serve_pictures)
         faults = parameters.load(Faults, "~faults", (reconfigure.RESTORE_DEFAULTS,))
         self._set_faults(faults)
-        self._reconfigure = reconfigure.serve(SimulatorFaultsConfig, faults, self._set_faults, "faults")
-        self._diagnostics = diagnostics.Diagnostics()
-        self._diagnostics.add("simulation", self._report)
+        reconfigure.serve(SimulatorFaultsConfig, faults, self._set_faults, "faults")
+        diagnostics.Diagnostics().add("simulation", self._report)
 
     def run(self) -> None:
         """Step in a thread until ROS is shut down, then close the simulation; call from the main thread."""

@@ -76,8 +76,7 @@ class VelocityGuardNode:
         rospy.Subscriber("~footprint", Polygon, self._take_footprint, queue_size=1)
         self._odometry = OdometryInput("odom")
         self._alone_since = time.monotonic()
-        self._diagnostics = diagnostics.Diagnostics()
-        self._diagnostics.add("velocities", self._report)
+        diagnostics.Diagnostics().add("velocities", self._report)
 
     def run(self) -> None:
         """Pass velocities on until ROS is shut down."""
