@@ -1,7 +1,6 @@
 """Two lidars on one topic: what one of them sees says nothing of the other."""
 
 import math
-from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -19,6 +18,7 @@ from mbf_relay.outcomes import TransformError
 from mbf_relay.ros.common.frame_tree import FrameTree
 from mbf_relay.ros.common.odometry import RawOdometry
 from mbf_relay.ros.costmap import inputs
+from mbf_relay.ros.velocity_guard import lidars as guards_lidars
 from mbf_relay.ros.velocity_guard import node
 
 BEAMS = 180
@@ -106,7 +106,7 @@ def guard(monkeypatch):
     for name in ("loginfo_throttle", "logwarn_throttle"):
         monkeypatch.setattr(inputs.rospy, name, lambda period, text: None)
     monkeypatch.setattr(node, "on_shutdown", lambda function: None)
-    monkeypatch.setattr(node, "Transforms", Mountings)
+    monkeypatch.setattr(guards_lidars, "Transforms", Mountings)
     monkeypatch.setattr(node.diagnostics, "Diagnostics", lambda: SimpleNamespace(add=lambda name, report: None))
     footprint = [[-0.1, -0.1], [0.1, -0.1], [0.1, 0.1], [-0.1, 0.1]]
     made = node.VelocityGuardNode(VelocityGuardParameters(footprint=footprint))
@@ -125,7 +125,7 @@ def asked(guard, speed, *scans):
 
 def test_a_wall_ahead_is_guarded_against_where_two_lidars_send_at_one_moment(guard):
     """The one that came last displaced the other, and where they keep time it was always the same."""
-    guard._transforms.told["rear"] = math.pi
+    guard._lidars._transforms.told["rear"] = math.pi
     for _ in range(2):
         passed = asked(guard, 0.2, scan_of("front", 0.12), scan_of("rear", 3.0))
     assert passed < 0.05 and guard._verdict.cause == OBSTACLE
@@ -134,7 +134,7 @@ def test_a_wall_ahead_is_guarded_against_where_two_lidars_send_at_one_moment(gua
 def test_a_lidar_whose_place_is_told_later_is_looked_at_from_then_on(guard):
     """The guard listened to no transform any more once it had placed the first one."""
     assert asked(guard, -0.2, scan_of("front", 3.0)) > -0.2, "nothing looks back"
-    guard._transforms.moved["rear"] = math.pi
+    guard._lidars._transforms.moved["rear"] = math.pi
     for _ in range(2):
         passed = asked(guard, -0.2, scan_of("front", 3.0), scan_of("rear", 3.0))
     assert passed == -0.2
@@ -144,8 +144,8 @@ def test_a_wall_is_guarded_against_where_the_lidar_looks_since_it_was_turned(gua
     """It sat for good where it had been when the first scan came."""
     ranges = np.full(BEAMS, 3.0)
     ranges[:10] = 0.12  # on the right
-    assert asked(guard, 0.2, scan_of("front", ranges)) == 0.2 and not guard._transforms.is_heard
-    guard._transforms.told["front"] = math.pi / 2.0
+    assert asked(guard, 0.2, scan_of("front", ranges)) == 0.2 and not guard._lidars._transforms.is_heard
+    guard._lidars._transforms.told["front"] = math.pi / 2.0
     assert asked(guard, 0.2, scan_of("front", ranges, 1.01)) < 0.05 and guard._verdict.cause == OBSTACLE
 
 
@@ -163,13 +163,13 @@ def test_the_guard_drives_on_when_a_lidar_that_stands_in_the_world_falls_silent(
     """A few scans in the frame 'map' counted as a lidar of the robot's, and it stood until a restart."""
     for _ in range(2):
         asked(guard, 0.2, scan_of("front", 3.0, 1.0), scan_of("map", 3.0, 1.0))
-    assert guard._transforms.is_heard, "/tf says where it is"
+    assert guard._lidars._transforms.is_heard, "/tf says where it is"
     for stamp in (2.0, 3.0, 4.0):
         guard._take_scan(scan_of("front", 3.0 - 0.01 * stamp, stamp))
         guard._take_command(Twist(linear=Vector3(x=0.2)))
         guard._step(stamp)
         assert guard._verdict.velocity.x == 0.2, guard._verdict.text
-    assert not guard._transforms.is_heard, "nothing moves on the robot"
+    assert not guard._lidars._transforms.is_heard, "nothing moves on the robot"
     guard._take_scan(scan_of("map", 2.0, 5.5))
     guard._take_command(Twist(linear=Vector3(x=0.2)))
     guard._step(5.5)
@@ -181,8 +181,8 @@ def test_the_guard_drives_on_when_a_lidar_that_stands_in_the_world_falls_silent(
 def test_a_guard_whose_base_is_not_the_robots_lets_nothing_pass(guard, monkeypatch, base, lidar, speed):
     """With `base_frame: odom` it looked for obstacles round where the robot had begun, for as long as that was near."""
     monkeypatch.setattr(inputs.rospy, "get_time", lambda: 1.0)
-    guard._settings = replace(guard._settings, base_frame=base)
-    guard._transforms.moved[lidar] = 0.0
+    guard._lidars._base_frame = base
+    guard._lidars._transforms.moved[lidar] = 0.0
     odometry = Odometry()
     odometry.header.frame_id, odometry.header.stamp = "odom", inputs.rospy.Time.from_sec(1.0)
     guard._odometry._take(as_received(odometry, RawOdometry))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 import time
 from collections import deque
-from typing import Deque, Dict, List, Optional
+from typing import Deque, Dict, Optional
 
 import numpy as np
 import rospy
@@ -18,26 +18,19 @@ from mbf_relay.control.velocity_guard import NO_SCAN, PASSING, STANDING, Velocit
 from mbf_relay.control.velocity_guard_parameters import VelocityGuardParameters
 from mbf_relay.costmap.outline import padded
 from mbf_relay.geometry import STOP, Twist2D
-from mbf_relay.outcomes import StaleDataError, TransformError
+from mbf_relay.outcomes import StaleDataError
 from mbf_relay.ros.common import diagnostics, parameters
-from mbf_relay.ros.common.checks import InvalidMessage, shown
 from mbf_relay.ros.common.clock_watch import ClockWatch
 from mbf_relay.ros.common.conversions import dated, twist_to_message
-from mbf_relay.ros.common.lidar_geometry import scan_in_base
 from mbf_relay.ros.common.node import on_shutdown, one_line, spare_what_stays
 from mbf_relay.ros.common.odometry import OdometryInput
 from mbf_relay.ros.common.outlines import outline_from_message
-from mbf_relay.ros.common.transforms import Transforms
-from mbf_relay.senders import AT_ONCE
+from mbf_relay.ros.velocity_guard.lidars import MOTION_AGE, WARN_PERIOD, Lidars
 
 LOOK_PERIOD = 0.1
 """Wall seconds after which the last velocity is checked again without a new velocity or scan."""
 MOST_SCANS = 10
 """Largest number of waiting scans, of all lidars on the topic; of each lidar only the newest is used."""
-MOTION_AGE = 0.5
-"""Largest age (s) of odometry."""
-WARN_PERIOD = 10.0
-"""Seconds between two warnings of a lidar without a transform, or of a `cmd_vel` without subscribers."""
 IDLE_PERIOD = 0.5
 """Wall seconds between two checks while the robot stands."""
 ALONE_FOR = 20.0
@@ -54,10 +47,8 @@ class VelocityGuardNode:
         self._settings = settings
         self._guard = VelocityGuard(settings)
         self._steering = Steering(settings.wheelbase) if settings.wheelbase else None
-        self._transforms = Transforms()
-        self._trouble = ""  # why the last scan could not be used
-        self._unplaced: Dict[str, float] = {}  # time (s) of the last scan by frame, of lidars without a transform
-        self._moving: Dict[str, float] = {}  # likewise, of lidars whose transform is not static
+        self._odometry = OdometryInput("odom")
+        self._lidars = Lidars(settings.base_frame, self._odometry)
         self._clock = ClockWatch()
         self._woken = threading.Event()
         self._commanded: Deque[Twist] = deque(maxlen=1)  # the newest, until it is checked
@@ -74,7 +65,6 @@ class VelocityGuardNode:
         self._commands = rospy.Subscriber("cmd_vel_raw", Twist, self._take_command, queue_size=1, tcp_nodelay=True)
         rospy.Subscriber("scan", LaserScan, self._take_scan, queue_size=MOST_SCANS, buff_size=1 << 18, tcp_nodelay=True)
         rospy.Subscriber("~footprint", Polygon, self._take_footprint, queue_size=1)
-        self._odometry = OdometryInput("odom")
         self._alone_since = time.monotonic()
         diagnostics.Diagnostics().add("velocities", self._report)
 
@@ -118,9 +108,11 @@ class VelocityGuardNode:
             scans[scan.header.frame_id] = scan
         command = self._commanded.pop() if self._commanded else None
         for scan in scans.values():
-            self._see(scan, now)
+            placed = self._lidars.place(scan, now)
+            if placed is not None:
+                self._guard.take_scan(*placed)
         if scans:
-            self._follow(now)
+            self._lidars.follow(now)
         if command is not None:
             asked = Twist2D(command.linear.x, command.linear.y, command.angular.z)
             self._guard.take_command(now, self._steering.turning(asked) if self._steering else asked, self._motion(now))
@@ -144,55 +136,6 @@ class VelocityGuardNode:
         except StaleDataError:
             return None
 
-    def _see(self, message: LaserScan, now: float) -> None:
-        frame, base = message.header.frame_id, self._settings.base_frame
-        try:
-            scan, laser_in_base, is_fixed = scan_in_base(message, base, self._transforms, max_age=AT_ONCE)
-            if not is_fixed:
-                self._check_base(frame, now)
-        except InvalidMessage as error:
-            self._trouble = str(error)
-            return
-        except TransformError as error:
-            self._trouble = str(error)
-            self._unplaced[frame] = now
-            return
-        self._guard.take_scan(scan, laser_in_base, self._transforms.rides_on(base, frame))
-        self._trouble = ""
-        self._unplaced.pop(frame, None)
-        if not is_fixed:
-            self._moving[frame] = now
-        without = self._without(now)
-        if without:
-            rospy.logwarn_throttle(WARN_PERIOD, f"passing velocities {without}")
-
-    def _check_base(self, frame: str, now: float) -> None:
-        """Raise InvalidMessage where base_frame is no frame of the robot: odometry's lies between it and a lidar's."""
-        try:
-            odometry = self._odometry.read(now, MOTION_AGE)[0]
-        except StaleDataError:
-            return
-        base, world = (name.lstrip("/") for name in (self._settings.base_frame, odometry.header.frame_id))
-        if {base, world} <= set(self._transforms.frames_above(frame, base)):
-            raise InvalidMessage(
-                f"base_frame is {base}, in which the robot moves, as odometry in {shown(world)} tells; it must be the "
-                "robot's own, such as base_link")
-
-    def _follow(self, now: float) -> None:
-        """Subscribe to /tf only while a lidar's transform is not static or unknown; /tf_static always is subscribed."""
-        if still_heard(self._unplaced, now) or still_heard(self._moving, now):
-            self._transforms.listen()
-        else:
-            self._transforms.rest()
-
-    def _without(self, now: float) -> str:
-        """Return a text about lidars whose scans cannot be used for want of a transform; empty for none."""
-        frames = still_heard(self._unplaced, now)
-        if not frames:
-            return ""
-        base = self._settings.base_frame
-        return f"without the lidar in {' and '.join(frames)}: tf does not tell where it sits in {base}"
-
     def _unheard(self) -> str:
         """Return a text if velocities pass but `cmd_vel` has no subscriber; empty otherwise."""
         if self._verdict.velocity == STOP or self._velocity.get_num_connections():
@@ -208,7 +151,7 @@ class VelocityGuardNode:
 
     def _lacking(self, now: float) -> str:
         """Return what is missing around the guard: subscriber, publisher or transforms; empty for nothing."""
-        return self._unheard() or self._unasked() or self._without(now)
+        return self._unheard() or self._unasked() or self._lidars.without(now)
 
     def _send(self, velocity: Twist2D) -> None:
         with self._sending:
@@ -224,7 +167,7 @@ class VelocityGuardNode:
             rospy.loginfo_throttle(2.0, text)
 
     def _text(self, now: float) -> str:
-        trouble = self._trouble if self._verdict.cause == NO_SCAN else self._lacking(now)
+        trouble = self._lidars.trouble if self._verdict.cause == NO_SCAN else self._lacking(now)
         return f"{self._verdict.text} ({trouble})" if trouble else self._verdict.text
 
     def _report(self) -> diagnostics.Report:
@@ -239,11 +182,6 @@ class VelocityGuardNode:
             rospy.logwarn_once(unasked)
         fine = self._verdict.cause in (PASSING, STANDING) and not self._lacking(now)
         return diagnostics.OK if fine else diagnostics.WARN, self._text(now), values
-
-
-def still_heard(heard_at: Dict[str, float], now: float) -> List[str]:
-    """Return the frames, of those with the time (s) of their last scan, that have sent within AT_ONCE."""
-    return [frame for frame, time in heard_at.items() if abs(now - time) <= AT_ONCE]
 
 
 def main() -> None:
