@@ -27,30 +27,18 @@ from typing import Deque, Dict, Iterable, Iterator, List, NamedTuple, Optional, 
 import numpy as np
 
 from mbf_relay.control.blind_beams import blind_points
+from mbf_relay.control.braking_check import MOST_STEPS, STEP, BrakingCheck
 from mbf_relay.control.command_delay import LATE, LONGEST, CommandDelay, held_between, way_held
-from mbf_relay.control.stopping import seconds_to_brake, way_to_a_stand
 from mbf_relay.control.velocity_guard_parameters import VelocityGuardParameters
 from mbf_relay.costmap.observation import scan_points
-from mbf_relay.costmap.outline import OWN_DEPTH, clearances, radii
 from mbf_relay.geometry import IDENTITY, STOP, Pose2D, Twist2D
 from mbf_relay.scan import LaserScan
 from mbf_relay.senders import HOW_TO_GO_ON, Senders
 
-STEP = 0.01
-"""Largest way (m) of a footprint's corner between two poses checked: about a lidar's accuracy."""
-MOST_STEPS = 400
-"""Most poses checked. On a longer way to a stop they lie farther apart, up to half the footprint's width, so that it
-still covers the ground between; a velocity that needs more is slowed down."""
-LEAST = 0.1
-"""Share of a velocity below which the robot is stopped instead of slowed down: it would creep up to the obstacle."""
-HALVINGS = 7
-"""Bisection steps for the share of a velocity that may pass: they find it to less than a hundredth."""
 OFF_ROBOT = 0.5
 """Distance (m) beyond the footprint's farthest corner at which a lidar cannot be the robot's own."""
 MOVED = 0.05
 """Motion (m or rad) after which the readings of a working lidar must have changed."""
-TOUCH = 1e-9
-"""Tolerance (m) for rounding errors."""
 
 PASSING, STANDING = "passing", "standing"
 SILENT, NO_SCAN, OBSTACLE, UNSEEN, NOT_FINITE = "silent sender", "no fresh scan", "obstacle", "unseen", "not finite"
@@ -107,9 +95,7 @@ class VelocityGuard:
 
     def set_outline(self, outline: np.ndarray) -> None:
         """Take the robot's outline, padded, shape (K, 2) in metres, from now on."""
-        self._outline = outline
-        self._inscribed_radius, self._radius = radii(outline)
-        self._longest = MOST_STEPS * max(STEP, 0.5 * float(np.ptp(outline, axis=0).min()))  # way to a stop (m)
+        self._braking = BrakingCheck(self._parameters, outline)
 
     def take_command(self, now: float, velocity: Twist2D, moving: Optional[Twist2D] = None) -> None:
         """Note the velocity commanded at `now` (s), and the one measured by odometry, where known; both body frame."""
@@ -132,7 +118,8 @@ class VelocityGuard:
             return
         points, hits = scan_points(scan)
         seen = laser_in_base.transform_points(points[hits])
-        points = np.vstack((seen, blind_points(scan, laser_in_base, self._parameters.blind_sector, self._outline)))
+        unseen = blind_points(scan, laser_in_base, self._parameters.blind_sector, self._braking.outline)
+        points = np.vstack((seen, unseen))
         nearest = float(np.hypot(points[:, 0], points[:, 1]).min(initial=math.inf))
         self._seen[scan.frame] = Sight(scan, laser_in_base, points, len(seen), changed_at, nearest, rides)
 
@@ -207,10 +194,11 @@ class VelocityGuard:
             for sight in sights:
                 met = self._met_before(sight, now)
                 if met is not None:
-                    return Verdict(STOP, OBSTACLE, f"stopped: {self._something_at(met)} is met by what passed already")
-            share, in_the_way = self._free_share(asked, self._points_ahead(sights, now))
+                    what = self._braking.something_at(met)
+                    return Verdict(STOP, OBSTACLE, f"stopped: {what} is met by what passed already")
+            share, in_the_way = self._braking.free_share(asked, self._points_ahead(sights, now))
             measured = [sight._replace(points=sight.points[:sight.measured]) for sight in sights]
-            if in_the_way and not self._in_the_way(asked, self._points_ahead(measured, now)):
+            if in_the_way and not self._braking.in_the_way(asked, self._points_ahead(measured, now)):
                 in_the_way += (", where the lidar measures nothing, so that something may touch the robot; "
                                "blind_sector: 0.0 is for drivers that say so of what is too far away")
         limit, unseen = max((self._share_in_sight(asked, sight) for sight in sights), key=lambda found: found[0])
@@ -224,36 +212,25 @@ class VelocityGuard:
         """Return why lidars cannot show what is round the footprint: off the robot, or too short; empty if they can."""
         for sight in sights:
             off = math.hypot(*sight.laser_in_base[:2])
-            if sight.rides and off > self._radius + OFF_ROBOT:
+            if sight.rides and off > self._braking.radius + OFF_ROBOT:
                 return (
                     f"the lidar in {sight.scan.frame} sits {off:.2f} m from {self._parameters.base_frame}, and the "
-                    f"footprint reaches {self._radius:.2f} m from there: one of the two is not the robot's")
+                    f"footprint reaches {self._braking.radius:.2f} m from there: one of the two is not the robot's")
         reach = max(math.hypot(*sight.laser_in_base[:2]) + sight.scan.range_max for sight in sights)
-        if reach <= self._inscribed_radius:
+        if reach <= self._braking.inscribed_radius:
             return (
-                f"the footprint reaches {self._inscribed_radius:.2f} m to every side, and no lidar sees farther than "
-                f"{reach:.2f} m")
+                f"the footprint reaches {self._braking.inscribed_radius:.2f} m to every side, and no lidar sees "
+                f"farther than {reach:.2f} m")
         return ""
 
     def _is_clear(self, velocity: Twist2D, sights: List[Sight], now: float) -> bool:
-        """Return whether all points are too far away to be reached, so that the footprint need not be checked.
-
-        While a robot brakes, its base frame's origin is never faster than before.
-        """
-        p, late = self._parameters, max(LATE, self.delay.seconds)
-        braking = seconds_to_brake(velocity, p.acc_lim_x, p.acc_lim_theta, p.wheel_separation)
-        if self._way(velocity, p.reaction_time + 0.5 * braking) > self._longest:
-            return False
-        reach = velocity.speed() * (p.reaction_time + braking) + self._radius + p.margin
+        """Return whether all points are too far away to be reached, so that the footprint need not be checked."""
+        reach, late = self._braking.reach(velocity), max(LATE, self.delay.seconds)
         return all(
             sight.nearest - sum(
                 passed.speed() * seconds for passed, seconds in self._passed_between(sight.scan.stamp - late, now)
             ) > reach
             for sight in sights)
-
-    def _way(self, velocity: Twist2D, seconds: float) -> float:
-        """Return the longest way (m) of any corner of the footprint with a velocity held for `seconds`."""
-        return (velocity.speed() + abs(velocity.theta) * self._radius) * seconds
 
     def _points_ahead(self, sights: List[Sight], now: float) -> np.ndarray:
         """Return the points of scans in the base frame at which a command sent now takes effect, (N, 2) in metres.
@@ -267,8 +244,9 @@ class VelocityGuard:
     def _met_before(self, sight: Sight, now: float) -> Optional[np.ndarray]:
         """Return the first point (2,) touched by motion that was commanded already; None for none."""
         held = list(self._held(sight, now))
-        step = max(STEP, sum(self._way(velocity, seconds) for velocity, seconds in held) / MOST_STEPS)
-        return self._too_near(way_held(IDENTITY, held, step, step / self._radius), sight.points, 0.0)
+        step = max(STEP, sum(self._braking.way(velocity, seconds) for velocity, seconds in held) / MOST_STEPS)
+        poses = way_held(IDENTITY, held, step, step / self._braking.radius)
+        return self._braking.too_near(poses, sight.points, 0.0)
 
     def _held(self, sight: Sight, now: float) -> Iterator[Tuple[Twist2D, float]]:
         """Yield (velocity, duration in s) from the scan's time to where a command sent now takes effect."""
@@ -277,63 +255,6 @@ class VelocityGuard:
     def _passed_between(self, stamp: float, now: float) -> Iterator[Tuple[Twist2D, float]]:
         """Return (velocity, duration in s) of what passed between two times (s), without standing."""
         return (held for held in held_between(self._passed, stamp, now) if held[0] != STOP)
-
-    def _free_share(self, asked: Twist2D, points: np.ndarray) -> Tuple[float, str]:
-        """Return the largest share of a velocity that leaves room to brake, and what is in the way, if anything."""
-        in_the_way = self._in_the_way(asked, points)
-        if not in_the_way:
-            return 1.0, ""
-        share, blocked = 0.0, 1.0
-        for _ in range(HALVINGS):
-            middle = 0.5 * (share + blocked)
-            if self._in_the_way(asked.scaled(middle), points):
-                blocked = middle
-            else:
-                share = middle
-        return share if share >= LEAST else 0.0, in_the_way
-
-    def _in_the_way(self, velocity: Twist2D, points: np.ndarray) -> str:
-        """Return what the robot would come too near to while it reacts and brakes; empty for nothing."""
-        p, radius = self._parameters, self._radius
-        braking = seconds_to_brake(velocity, p.acc_lim_x, p.acc_lim_theta, p.wheel_separation)
-        seconds = p.reaction_time + 0.5 * braking
-        way = self._way(velocity, seconds)
-        if way > self._longest:
-            return f"the way to a stop is longer than {self._longest:.1f} m"
-        count = 1 + int(min(way / STEP, MOST_STEPS))
-        poses = np.array([velocity.held(seconds * step / count) for step in range(1, count + 1)])
-        if p.wheel_separation > 0.0:
-            step = max(STEP, way / MOST_STEPS)
-            begin = velocity.held(p.reaction_time)
-            braked = way_to_a_stand(begin, velocity, p.wheel_separation, p.acc_lim_x, step, step / radius)
-            poses = np.concatenate((poses, braked))
-        point = self._too_near(poses, points, p.margin)
-        return "" if point is None else self._something_at(point)
-
-    def _something_at(self, point: np.ndarray) -> str:
-        return f"something at ({point[0]:.2f}, {point[1]:.2f}) m from {self._parameters.base_frame}"
-
-    def _too_near(self, poses: np.ndarray, points: np.ndarray, margin: float) -> Optional[np.ndarray]:
-        """Return the first of `points`, (N, 2), that the footprint comes too near to along poses (P, 3), or None.
-
-        A point that is nearer than `margin` (m) now, with the robot at the origin, may not come nearer.
-        """
-        reach = float(np.hypot(poses[:, 0], poses[:, 1]).max()) + self._radius + margin
-        near = points[np.hypot(points[:, 0], points[:, 1]) <= reach]
-        if not len(near):  # the usual case; what follows takes longer
-            return None
-        before = clearances(near, self._outline)
-        near, before = near[before > -OWN_DEPTH], before[before > -OWN_DEPTH]
-        off, reach = near - poses[:, None, :2], self._radius + margin + TOUCH  # what lies beyond is not too near there
-        which, point = np.nonzero(off[..., 0] ** 2 + off[..., 1] ** 2 <= reach * reach)
-        (x, y), turned = off[which, point].T, poses[which, 2]
-        cosine, sine = np.cos(turned), np.sin(turned)
-        after = clearances(np.column_stack((cosine * x + sine * y, cosine * y - sine * x)), self._outline)
-        too_near = after < np.minimum(margin, before[point]) - TOUCH
-        if not too_near.any():
-            return None
-        first: np.ndarray = near[point[np.argmax(too_near)]]
-        return first
 
     def _share_in_sight(self, asked: Twist2D, sight: Sight) -> Tuple[float, str]:
         """Return the largest share of a velocity from which the robot stops within a lidar's view and range, and why.
@@ -345,8 +266,9 @@ class VelocityGuard:
         if self._is_unseen(asked, sight):
             return least, "no beam of the lidar looks where the robot is to go"
         p, ahead = self._parameters, np.array(asked[:2]) / speed
-        room = float(ahead @ sight.laser_in_base[:2]) + sight.scan.range_max - float((self._outline @ ahead).max())
-        braking = 0.5 * speed * seconds_to_brake(asked, p.acc_lim_x, p.acc_lim_theta, p.wheel_separation)  # way (m)
+        front = float((self._braking.outline @ ahead).max())  # of the footprint (m)
+        room = float(ahead @ sight.laser_in_base[:2]) + sight.scan.range_max - front
+        braking = 0.5 * speed * self._braking.seconds(asked)  # way (m)
         reacting = speed * (p.reaction_time + self.delay.seconds)
         room = max(0.0, room)
         share = 2.0 * room / (reacting + math.sqrt(reacting * reacting + 4.0 * braking * room))

@@ -384,5 +384,5 @@ def test_what_is_known_to_be_too_far_away_without_a_look_is_so_by_the_footprint(
 
 def test_what_is_far_away_takes_no_look_at_the_footprint(monkeypatch):
     guard = guard_that_saw(scan_with(1.0, 0, BEAMS))
-    monkeypatch.setattr(guard, "_free_share", None)
+    monkeypatch.setattr(guard._braking, "free_share", None)
     assert judged(guard, AHEAD).cause == guards.PASSING
