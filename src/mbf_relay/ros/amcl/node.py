@@ -66,7 +66,6 @@ class AmclNode:
         self._localizer: Optional[Localizer] = None
         self._pending_pose: Optional[PoseWithCovarianceStamped] = None
         self._odom_pose: Optional[Pose2D] = None
-        self._odom_stamp = 0.0
         self._kept: Optional[KeptPose] = None  # saved pose, until the first scan
         self._covariance = np.diag([INITIAL["initial_cov_xx"], INITIAL["initial_cov_yy"], INITIAL["initial_cov_aa"]])
         self._saved_pose = SavedPose()
@@ -288,14 +287,10 @@ class AmclNode:
                 return
             values, began = self._parameters, time.perf_counter()
             try:
-                scan, laser_pose = message[1:] if isinstance(message, CloudScan) else scan_in_base(
-                    message, values.base_frame_id, self.transforms,
-                    taken=self._timings.taken_at(message.header.frame_id, stamp.to_sec()))[:2]
-                scan = self._timings.corrected(scan, laser_pose if isinstance(message, CloudScan) else None)
+                scan, laser_pose = self._read(message)
                 self._odom_pose = self.transforms.lookup(values.odom_frame_id, values.base_frame_id, scan.stamp)
-                self._odom_stamp = scan.stamp
                 self._newest_scan = scan, laser_pose
-                self._resume()
+                self._resume(scan.stamp)
                 estimate = self._localizer.process(self._odom_pose, scan, laser_pose)
                 self._scan_watch.warn_of_jumps(self._localizer.odometry.jumps, self._odom_pose)
                 self._scan_watch.warn_of_search(self._localizer.searched)
@@ -318,13 +313,22 @@ class AmclNode:
         if self._saved_pose.take_turn(taken.to_sec(), values.save_pose_rate):
             self._save_pose(self._saved_pose.save_soon)
 
-    def _resume(self) -> None:
-        """Start, at the first scan, at the saved pose of a previous amcl, moved by odometry since then."""
+    def _read(self, message: AnyScan) -> Tuple[LaserScan, Pose2D]:
+        """Return a scan, corrected for the times of its beams, and the pose of its frame in the base frame."""
+        if isinstance(message, CloudScan):
+            return self._timings.corrected(message.scan, message.laser_pose), message.laser_pose
+        taken = self._timings.taken_at(message.header.frame_id, message.header.stamp.to_sec())
+        mounted = scan_in_base(message, self._parameters.base_frame_id, self.transforms, taken=taken)
+        return self._timings.corrected(mounted.scan), mounted.laser_in_base
+
+    def _resume(self, stamp: float) -> None:
+        """Start, at the first scan, at the saved pose of a previous amcl, moved by odometry until the scan's stamp (s).
+        """
         kept, self._kept = self._kept, None
         if kept is None:
             return
         assert self._localizer is not None and self._odom_pose is not None
-        pose, sentence = kept.resume(self._odom_pose, self._odom_stamp, self._fit)
+        pose, sentence = kept.resume(self._odom_pose, stamp, self._fit)
         self._localizer.set_initial_pose(pose, self._covariance)
         rospy.loginfo("starting %s", sentence)
 
@@ -340,9 +344,9 @@ class AmclNode:
 
     def _save_pose(self, save: Callable[[KeptPose, np.ndarray], None]) -> None:
         with self._lock:
-            pose, odom_pose, stamp, covariance = self.pose(), self._odom_pose, self._odom_stamp, self._covariance
-        if pose is not None and odom_pose is not None:
-            save(KeptPose(pose, odom_pose, stamp), covariance)
+            pose, odom_pose, newest, covariance = self.pose(), self._odom_pose, self._newest_scan, self._covariance
+        if pose is not None and odom_pose is not None and newest is not None:
+            save(KeptPose(pose, odom_pose, newest[0].stamp), covariance)
 
     def _report(self) -> diagnostics.Report:
         with self._lock:

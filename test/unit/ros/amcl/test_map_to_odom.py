@@ -14,6 +14,7 @@ from mbf_relay.localization.node_parameters import AmclParameters
 from mbf_relay.ros.amcl import node as amcl
 from mbf_relay.ros.amcl.map_to_odom import PAUSE, MapToOdom
 from mbf_relay.ros.amcl.saved_pose import SavedPose
+from mbf_relay.ros.common.lidar_geometry import MountedScan
 from mbf_relay.scan import LaserScan
 
 POSE = Pose2D(1.0, 2.0, 0.3)
@@ -142,7 +143,7 @@ def of_one_scan(monkeypatch, late=0.0, jumps=0):
     """
     updates, told, node = [], [], amcl.AmclNode.__new__(amcl.AmclNode)
     scan = LaserScan(np.full(8, 2.0), 0.0, 0.7, 0.1, 3.0, 10.0, "laser")
-    monkeypatch.setattr(amcl, "scan_in_base", lambda *_, **__: (scan, IDENTITY, True))
+    monkeypatch.setattr(amcl, "scan_in_base", lambda *_, **__: MountedScan(scan, IDENTITY, True))
     node.__dict__.update(
         _parameters=AmclParameters(save_pose_rate=0.0), _lock=threading.RLock(), _kept=None,
         _scan_watch=SimpleNamespace(
@@ -150,7 +151,7 @@ def of_one_scan(monkeypatch, late=0.0, jumps=0):
             warn_of_jumps=lambda *jump: told.append(jump)),
         _timings=SimpleNamespace(
             taken_at=lambda _frame, stamp: stamp - late,
-            corrected=lambda scan, _pose: replace(scan, stamp=scan.stamp - late)),
+            corrected=lambda scan: replace(scan, stamp=scan.stamp - late)),
         _localizer=SimpleNamespace(
             process=lambda *_: None, odometry=SimpleNamespace(jumps=jumps), map_from_odom=POSE, poses=None,
             searched=1.0),
