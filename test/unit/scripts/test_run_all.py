@@ -57,18 +57,18 @@ def test_a_job_whose_program_is_not_there_has_failed_and_the_others_run(tmp_path
 
 LEAVES = """
 import subprocess, sys
-subprocess.Popen([sys.executable, "-c", "import time; time.sleep(600)"])
+subprocess.Popen([sys.executable, "-c", "import time; time.sleep(600)", sys.argv[1]])
 """
 
 
 def test_a_test_that_leaves_something_running_has_failed_and_it_is_ended(tmp_path, monkeypatch, capsys):
     """A setup that waited for RViz in vain left it and its screen behind, and both went on drawing for half an hour."""
     monkeypatch.setattr(job_processes, "PATIENCE", 0.5)
-    before = {process.pid for process in psutil.process_iter()}
-    assert run_all.run([job("unit", LEAVES)], str(tmp_path / "results"), SimpleNamespace(long=False, jobs=1)) == 1
+    jobs = [job("unit", LEAVES, tmp_path)]
+    assert run_all.run(jobs, str(tmp_path / "results"), SimpleNamespace(long=False, jobs=1)) == 1
     assert "0 failed" not in capsys.readouterr().out
-    assert not [process for process in psutil.process_iter(["cmdline"])
-                if process.pid not in before and "import time; time.sleep(600)" in (process.info["cmdline"] or [])]
+    cmdlines = [process.info["cmdline"] or [] for process in psutil.process_iter(["cmdline"])]
+    assert not [cmdline for cmdline in cmdlines if cmdline[-1:] == [str(tmp_path)]]
 
 
 def test_robots_that_drive_in_real_time_never_share_the_machine(tmp_path):
