@@ -22,6 +22,16 @@ def test_every_cell_knows_its_nearest_obstacle_to_the_last_bit(share):
             assert (found[expected > farthest] > farthest).all(), "what is far is not told to be near"
 
 
+def test_what_is_farther_away_than_is_looked_for_is_not_told_to_be_near():
+    """Whole rows of it, in which nothing is written but that: obstacles would be told of where memory holds zeros."""
+    free = np.ones((200, 40), np.uint8)
+    free[3, 7] = 0
+    for _ in range(5):
+        np.zeros(free.shape, np.float32)  # what is given back is often given out again
+        found = distances_to_zeros(free, 30.0)
+        assert (found[40:] > 30.0).all() and found[3, 7] == 0.0
+
+
 def test_without_an_obstacle_all_is_infinitely_far():
     assert np.isinf(distances_to_zeros(np.ones((3, 4), np.uint8))).all()
 

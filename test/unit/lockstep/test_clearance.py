@@ -65,6 +65,13 @@ def test_nearest_of_many_is_found_and_larger_values_are_only_lowered():
     assert made == pytest.approx([0.3, 0.05])
 
 
+def test_an_edge_of_no_length_is_as_near_as_its_point():
+    """A mesh may have them, and the report on the drive would end in a division by zero."""
+    made = np.full(1, math.inf)
+    hull_clearances(np.zeros((1, 3)), SQUARE, np.array([[0.4, 0.05, 0.4, 0.05], [2.0, 0.0, 2.0, 1.0]]), made)
+    assert made == pytest.approx([0.3])
+
+
 def pillar(x, y):
     return Body("pillar", Cylinder(0.1, 0.5), Frame.of(x, y, 0.25))
 

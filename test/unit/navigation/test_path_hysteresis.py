@@ -124,4 +124,16 @@ def test_ways_are_the_same_where_every_point_of_one_has_one_of_the_other_near(se
     new = old[:rng.integers(1, len(old) + 1)] + rng.normal(0.0, rng.choice([0.02, 0.08, 0.2]), 3)
     if seed % 4 == 0 and len(new) > 3:
         new[2] = new[1]  # a pose twice
+    if seed % 4 == 1 and len(new) > 1:
+        new[1] = new[0]
     assert is_same_way(old, new, 0.2) == plain_is_same_way(old, new, 0.2)
+
+
+def test_a_way_that_winds_or_goes_back_a_little_is_the_same_way():
+    xs = np.linspace(0.0, 6.0, 241)
+    straight = np.column_stack((xs, np.zeros((241, 2))))
+    winding = np.column_stack((xs, 0.12 * np.sin(12.0 * xs), np.zeros(241)))
+    back = straight[np.concatenate((np.arange(48), np.arange(48, 20, -1), np.arange(20, 241)))]
+    for other in (winding, back):
+        for one, two in ((straight, other), (other, straight)):
+            assert is_same_way(one, two, 0.2) and plain_is_same_way(one, two, 0.2)
