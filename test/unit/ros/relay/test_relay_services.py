@@ -1,13 +1,20 @@
 """~make_plan's requests and answers, and whom they are passed on to."""
 
+import threading
+from types import SimpleNamespace
+
 import pytest
 import rospy
+from actionlib_msgs.msg import GoalStatus
 from geometry_msgs.msg import PoseStamped
+from mbf_msgs.msg import GetPathResult
 from nav_msgs.msg import Path
 from nav_msgs.srv import GetPlanRequest
 
+from mbf_relay.ros.common.actions.client_goals import ActionEnding
+from mbf_relay.ros.relay import services
 from mbf_relay.ros.relay.server_side import RemoteServer
-from mbf_relay.ros.relay.services import PLAN_SLOT, append_goal, path_goal
+from mbf_relay.ros.relay.services import PLAN_SLOT, MakePlan, append_goal, path_goal
 
 
 def pose(x, frame="map", w=1.0):
@@ -52,3 +59,41 @@ def test_a_relay_whose_server_is_remapped_sends_goals_where_it_says_it_does(monk
     """It told of the remapped server, read its parameters, and waited for the action of the one by the old name."""
     monkeypatch.setitem(rospy.names.get_resolved_mappings(), "/move_base_flex", "/robot1/server")
     assert RemoteServer().relay_parameters({}).server == "/robot1/server"
+
+
+@pytest.fixture
+def make_plan(monkeypatch):
+    """Return what asks for a plan to 1 m of a server that has its action alone, and what was called off by then."""
+    monkeypatch.setattr(services, "_is_served", lambda service: False)
+
+    def answered(ending, adds_goal=True, called_off=None):
+        made = MakePlan.__new__(MakePlan)
+        values = SimpleNamespace(make_plan_add_unreachable_goal=adds_goal)
+        made._settings = SimpleNamespace(plugin_names=lambda: ("navfn",), values=values)
+        made._server, made._one_at_a_time = "/move_base_flex", threading.Lock()
+        sent = SimpleNamespace(wait=lambda patience: ending, cancel=lambda: called_off.append(True))
+        made._client = SimpleNamespace(wait_for_server=lambda patience: True, send=lambda goal: sent)
+        return [each.pose.position.x for each in made._answer(GetPlanRequest(goal=pose(1.0))).plan.poses]
+
+    return answered
+
+
+def test_a_plan_of_a_server_that_has_its_action_alone_ends_with_the_goal_where_that_is_asked_for(make_plan):
+    def ending(status):
+        return ActionEnding(status, "", GetPathResult(path=Path(poses=[pose(0.0), pose(0.9)])))
+
+    assert make_plan(ending(GoalStatus.SUCCEEDED)) == [0.0, 0.9, 1.0]
+    assert make_plan(ending(GoalStatus.SUCCEEDED), adds_goal=False) == [0.0, 0.9]
+    assert make_plan(ending(GoalStatus.ABORTED)) == [], "what was found before it failed leads nowhere"
+
+
+def test_a_plan_that_nobody_waits_for_any_more_is_called_off(make_plan):
+    called_off = []
+    with pytest.raises(rospy.ServiceException, match="no plan within 60 s"):
+        make_plan(None, called_off=called_off)
+    assert called_off
+
+
+def test_why_a_server_was_lost_meanwhile_is_told_to_who_asked_for_a_plan(make_plan):
+    with pytest.raises(rospy.ServiceException, match="no plan: died"):
+        make_plan(ActionEnding(GoalStatus.LOST, "died: its node closed the connection"))
