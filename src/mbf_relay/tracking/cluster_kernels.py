@@ -116,8 +116,6 @@ def find_things(ends, hits, ranges, bearings, x, y, gap, largest, discs, runs, o
         ends_a_run[index] = apart > allowed or (other - one) % count > _BEAMS_APART
         if ends_a_run[index] and first_break < 0:
             first_break = index
-    if first_break < 0:
-        return 0
     things, begin = 0, 0
     for index in range(found):
         place = (first_break + 1 + index) % found

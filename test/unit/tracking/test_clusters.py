@@ -122,3 +122,11 @@ def test_nothing_is_parted_in_an_empty_scan():
     rays = rays_of(0.0, 0.0, np.zeros((0, 2)), np.zeros(0, bool))
     parted = part_clusters(find_clusters(rays, 0.1, 0.8), rays, np.array(PAIR), np.array([True, True]), 0.1)
     assert parted.discs.shape == (0, 4) and parted.runs.shape == (0, 2) and len(parted.order) == 0
+
+
+@pytest.mark.parametrize("count", [3, 90])
+def test_a_robot_in_a_tube_takes_its_wall_for_nothing_that_moves(count):
+    """All round it no reading is far from the next: there is no place where a segment begins."""
+    bearings = np.linspace(-np.pi, np.pi, count, endpoint=False)
+    ends = 0.3 * np.column_stack((np.cos(bearings), np.sin(bearings)))
+    assert len(find_clusters(rays_of(0.0, 0.0, ends, np.ones(count, bool)), 0.6, 0.8).discs) == 0
