@@ -175,3 +175,28 @@ def distances_to_zeros(cells, reach, distances):
             begin, column = begins[index], nearest[index]
             _from_a_column(places[begin:end], np.float64(column), np.float64(squares[column]), distances[y, begin:end])
             end = begin
+
+
+@kernel("float64(float32[:,::1], float64, float64, float64, float64[:,::1])")
+def least_distance(distances, origin_x, origin_y, resolution, points):
+    """Return the least of a grid's values at points, interpolated bilinearly between cells' centres; infinite for none.
+
+    Args:
+        distances: Shape (H, W), a value at each cell's centre.
+        origin_x, origin_y, resolution: The grid's lower left corner and the side of its cells (m).
+        points: Shape (N, 2) in metres; those outside the outermost centres are left out.
+    """
+    height, width = distances.shape
+    least = math.inf
+    for n in range(points.shape[0]):
+        across = (points[n, 0] - origin_x) / resolution - 0.5
+        up = (points[n, 1] - origin_y) / resolution - 0.5
+        if not (across >= 0.0 and up >= 0.0 and across < width - 1 and up < height - 1):
+            continue
+        column, row = int(across), int(up)
+        across -= column
+        up -= row
+        lower = (1.0 - across) * distances[row, column] + across * distances[row, column + 1]
+        upper = (1.0 - across) * distances[row + 1, column] + across * distances[row + 1, column + 1]
+        least = min(least, (1.0 - up) * lower + up * upper)
+    return least

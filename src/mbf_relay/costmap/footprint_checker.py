@@ -8,6 +8,7 @@ from typing import NamedTuple, Optional, Tuple
 
 import numpy as np
 
+from mbf_relay import distance_kernels
 from mbf_relay.costmap import footprint_checker_kernels, footprint_kernels, sight_kernels
 from mbf_relay.costmap.cost_grid import LETHAL, NO_INFORMATION, CostGrid
 from mbf_relay.distances import distances_to_zeros
@@ -114,13 +115,17 @@ class FootprintChecker:
         Both are -1 without contact, and where there are too many cells to look at; see `MOST_LOOKED_AT`. A cell wholly
         within the footprint counts although the outline does not touch it: something may stand within the padding.
         """
+        return self._depths_and_outs(pose)[0]
+
+    def _depths_and_outs(self, pose: Pose2D) -> Tuple[np.ndarray, np.ndarray]:
+        """Return `depths_at` a pose, and the ways out of what is penetrated there; see the kernel `depths`."""
         found, nothing = np.empty(2), np.full(2, -1.0)
+        outs = np.zeros((footprint_checker_kernels.OUTS, 2))
         footprint_checker_kernels.depths(
             self._costs, *self._place, self._corners, self._radius, self._overlap, self._highest,
-            pose.x, pose.y, pose.theta, 1.0, found)
-        if not math.isfinite(found[0]):
-            return nothing
-        return found if found[0] > 0.5 - self._overlap or self.contacts_at(pose) else nothing
+            pose.x, pose.y, pose.theta, 1.0, np.zeros(0), outs, found)
+        touches = math.isfinite(found[0]) and (found[0] > 0.5 - self._overlap or self.contacts_at(pose))
+        return found if touches else nothing, outs
 
     def first_contacts(
         self, poses: np.ndarray, counts: np.ndarray, scales: np.ndarray, begin: Optional[Pose2D] = None
@@ -131,12 +136,19 @@ class FootprintChecker:
             poses: Shape (N, S, 3), float64, C-contiguous, in the costmap's frame.
             counts: Shape (N,), int64: number of poses of each trajectory.
             scales: Shape (N,), float64: factor on the footprint.
-            begin: The robot's pose. If the footprint is in contact there, a trajectory may go on as long as it does not
-                enter obstacles deeper. None: any contact ends a trajectory.
+            begin: The robot's pose. If the footprint is in contact there, a trajectory may go on as long as it enters
+                nothing deeper, on any side. None: any contact ends a trajectory.
         """
         known = self._radius * float(scales.max(initial=0.0)) / self.costmap.grid.resolution + APART
         way = FreeWay(np.empty(len(poses), np.int64), np.empty(len(poses)), np.empty(len(poses)))
-        allowed = np.full(2, -1.0) if begin is None else self.depths_at(begin)
+        start, outs = np.zeros(0), np.zeros((footprint_checker_kernels.OUTS, 2))
+        if begin is not None:
+            depths, outs = self._depths_and_outs(begin)
+            if depths[0] >= 0.0:
+                x, y, side = self._place
+                start = np.array(
+                    [(begin.x - x) / side, (begin.y - y) / side, math.cos(begin.theta), math.sin(begin.theta)])
+                outs = outs[np.argsort(-np.hypot(outs[:, 0], outs[:, 1]))]  # the longest one lets most cells be left
         footprint_checker_kernels.first_contacts(
             self._costs,
             self._distances_to(known),
@@ -151,7 +163,8 @@ class FootprintChecker:
             poses,
             counts,
             scales,
-            allowed,
+            start,
+            outs,
             way.steps,
             way.highest_costs,
             way.summed_costs,
@@ -189,7 +202,7 @@ class FootprintChecker:
         half_width, resolution = self.costmap.half_width, self.costmap.grid.resolution
         points = np.ascontiguousarray(points)
         distances = self._distances_to((farthest + half_width) / resolution + 0.5 + APART)
-        least: float = footprint_checker_kernels.least_distance(distances, *self._place, points)
+        least: float = distance_kernels.least_distance(distances, *self._place, points)
         return (least - 0.5) * resolution - half_width
 
     def in_sight(self, pose: Pose2D, points: np.ndarray) -> np.ndarray:

@@ -22,6 +22,9 @@ _AS_QUICK = 32  # cells scanned for an obstacle in about the time of one distanc
 MOST_LOOKED_AT = 40_000_000
 """Most distances from a cell to a side of the footprint computed for one batch of trajectories: half a second."""
 _HAIR = 1e-6  # cells: tolerance for rounding in comparisons of depths
+_NUDGE = 1e-3  # cells: step of the difference quotient of a depth
+OUTS = 8
+"""Sectors of a full circle in which what is touched at the start is told apart."""
 _ROUNDING = 1e-6  # share of the outline's radius by which its float32 points may lie farther out
 
 
@@ -140,21 +143,56 @@ def _between(low, high, slope, begin, end):
     return max(begin, min(one, other)), min(end, max(one, other))
 
 
+@kernel("float64(float64[:,::1], float64, float64, float64, float64)")
+def _depth(corners, factor, margin, ahead, left):
+    """Return the depth (cells) of a cell whose centre lies `ahead`, `left` (cells) in the base frame; see `depths`.
+
+    Args:
+        corners: As for `depths`.
+        factor: Cells per metre of the corners, the scale included.
+        margin: Half a cell less the overlap (cells).
+        ahead, left: Place of the cell's centre.
+    """
+    nearest, is_within = math.inf, False
+    for k in range(corners.shape[0]):
+        x0, y0 = factor * corners[k - 1, 0], factor * corners[k - 1, 1]
+        x1, y1 = factor * corners[k, 0], factor * corners[k, 1]
+        dx, dy = x1 - x0, y1 - y0
+        share = 0.0
+        if dx != 0.0 or dy != 0.0:
+            share = min(1.0, max(0.0, ((ahead - x0) * dx + (left - y0) * dy) / (dx * dx + dy * dy)))
+        off_x, off_y = ahead - x0 - share * dx, left - y0 - share * dy
+        nearest = min(nearest, off_x * off_x + off_y * off_y)
+        if (y0 > left) != (y1 > left) and ahead < x0 + (left - y0) / dy * dx:
+            is_within = not is_within
+    return margin + math.sqrt(nearest) if is_within else margin - math.sqrt(nearest)
+
+
 @kernel(
     "int64(uint8[:,::1], float64, float64, float64, float64[:,::1], float64, float64, int64, float64, float64, "
-    "float64, float64, float64[::1])"
+    "float64, float64, float64[::1], float64[:,::1], float64[::1])"
 )
-def depths(costs, origin_x, origin_y, resolution, corners, circumscribed, overlap, in_way, x, y, theta, scale, found):
+def depths(
+    costs, origin_x, origin_y, resolution, corners, circumscribed, overlap, in_way, x, y, theta, scale, start, outs,
+    found,
+):
     """Compute how deep a footprint penetrates obstacles, and what lies outside the grid; return the work done.
 
     A cell's depth is the distance from its centre to the outline, positive inside, plus half a cell less `overlap`;
     cells of depths above 0 are penetrated. Unlike the number of outline points in a cell, the depth is constant while
     a side slides along it, and grows as the robot goes on into it.
 
+    With a `start`, a cell may be penetrated as deep as it was there, or if one of `outs`, by which the footprint would
+    have left what it penetrated there, lets it leave the cell as well: so a side slides along a wall that it touches,
+    and is no leave to run into another.
+
     Args:
         corners: Shape (K, 2): the footprint's corners (m) in the base frame.
+        start: Where the robot is: column, row (cells from the origin), cosine and sine of its heading; or empty.
+        outs: Shape (OUTS, 2): for each of OUTS directions from the footprint to a cell, the vector (cells) by which the
+            deepest cell would leave. Filled where `start` is empty, with zeros before.
         found: Shape (2,), filled with the largest depth (cells) and the sum over all penetrated cells, 0 without any;
-            infinite where that would take more than MOST_LOOKED_AT.
+            infinite where a cell is penetrated deeper, or that would take more than MOST_LOOKED_AT.
         costs, origin_x, origin_y, resolution, circumscribed, overlap, in_way, x, y, theta, scale: As for `contacts`.
 
     Returns:
@@ -192,22 +230,39 @@ def depths(costs, origin_x, origin_y, resolution, corners, circumscribed, overla
             if looked_at > MOST_LOOKED_AT:
                 found[0] = found[1] = math.inf
                 return looked_at
-            nearest, is_within = math.inf, False
-            for k in range(corners.shape[0]):
-                x0, y0 = factor * corners[k - 1, 0], factor * corners[k - 1, 1]
-                x1, y1 = factor * corners[k, 0], factor * corners[k, 1]
-                dx, dy = x1 - x0, y1 - y0
-                share = 0.0
-                if dx != 0.0 or dy != 0.0:
-                    share = min(1.0, max(0.0, ((ahead - x0) * dx + (left - y0) * dy) / (dx * dx + dy * dy)))
-                off_x, off_y = ahead - x0 - share * dx, left - y0 - share * dy
-                nearest = min(nearest, off_x * off_x + off_y * off_y)
-                if (y0 > left) != (y1 > left) and ahead < x0 + (left - y0) / dy * dx:
-                    is_within = not is_within
-            depth = margin + math.sqrt(nearest) if is_within else margin - math.sqrt(nearest)
-            if depth > 0.0:
-                found[0] = max(found[0], depth)
-                found[1] += depth
+            depth = _depth(corners, factor, margin, ahead, left)
+            if depth <= 0.0:
+                continue
+            found[0] = max(found[0], depth)
+            found[1] += depth
+            if start.shape[0] == 0:
+                out_ahead = _depth(corners, factor, margin, ahead - _NUDGE, left) - _depth(
+                    corners, factor, margin, ahead + _NUDGE, left)
+                out_left = _depth(corners, factor, margin, ahead, left - _NUDGE) - _depth(
+                    corners, factor, margin, ahead, left + _NUDGE)
+                length, looked_at = math.hypot(out_ahead, out_left), looked_at + 4 * corners.shape[0]
+                x, y = cos * out_ahead - sin * out_left, sin * out_ahead + cos * out_left
+                out = int(math.floor(math.atan2(y, x) * OUTS / (2.0 * math.pi) + 0.5)) % OUTS
+                is_one_way = length > 1.9 * _NUDGE  # and not two, as of a cell as near to one side as to another
+                if is_one_way and depth > math.hypot(outs[out, 0], outs[out, 1]):
+                    outs[out, 0], outs[out, 1] = depth * x / length, depth * y / length
+                continue
+            is_deeper = True
+            for out in range(OUTS):
+                x, y = ahead + cos * outs[out, 0] + sin * outs[out, 1], left + cos * outs[out, 1] - sin * outs[out, 0]
+                if is_deeper and (x != ahead or y != left):
+                    is_deeper = back + _HAIR < x < front - _HAIR and right + _HAIR < y < far_left - _HAIR
+                    if is_deeper:
+                        looked_at += corners.shape[0]
+                        is_deeper = _depth(corners, factor, margin, x, y) > _HAIR
+            if is_deeper:
+                x, y = column + 0.5 - start[0], row + 0.5 - start[1]
+                looked_at += corners.shape[0]
+                is_deeper = depth > _HAIR + _depth(
+                    corners, 1.0 / resolution, margin, start[2] * x + start[3] * y, start[2] * y - start[3] * x)
+            if is_deeper:
+                found[0] = found[1] = math.inf
+                return looked_at
     return looked_at
 
 
@@ -249,21 +304,20 @@ def touching(costs, origin_x, origin_y, resolution, outlines, boxes, circumscrib
 
 @kernel(
     "int64(uint8[:,::1], float32[:,::1], float64, float64, float64, float64, float32[:,:,::1], float32[:,:,::1], "
-    "float64[:,::1], float64, float64, int64, float64[:,:,::1], int64[::1], float64[::1], float64[::1], int64[::1], "
-    "float64[::1], float64[::1])"
+    "float64[:,::1], float64, float64, int64, float64[:,:,::1], int64[::1], float64[::1], float64[::1], "
+    "float64[:,::1], int64[::1], float64[::1], float64[::1])"
 )
 def first_contacts(
     costs, distances, known, origin_x, origin_y, resolution, outlines, arcs, corners, circumscribed, overlap, in_way,
-    poses, counts, scales, allowed, free, highest, summed,
+    poses, counts, scales, start, outs, free, highest, summed,
 ):
     """Find how far along each trajectory the footprint is free of contact, and the costs under the base on the way.
 
     Points of the outline are looked at only in arcs whose circle is near an obstacle. The distance from the arcs to the
     nearest obstacle then tells how far the footprint may move before the next look (conservative advancement, Mirtich
-    1996). A robot that starts in contact may move as long as neither the largest depth grows, nor their sum by more
-    than one such depth. Computing depths is limited to MOST_LOOKED_AT: each trajectory has an equal share and what
-    those before it left. A trajectory ends as in contact where its share is used up, as with a large footprint on
-    unknown cells.
+    1996). A robot that starts in contact may move as long as it penetrates no cell deeper, see `depths`. Computing
+    depths is limited to MOST_LOOKED_AT: each trajectory has an equal share and what those before it left. A trajectory
+    ends as in contact where its share is used up, as with a large footprint on unknown cells.
 
     Args:
         distances: As for `is_far`.
@@ -275,8 +329,7 @@ def first_contacts(
         poses: Shape (N, S, 3), in the grid's frame.
         counts: Shape (N,): number of poses of each trajectory.
         scales: Shape (N,): factor on the footprint.
-        allowed: Shape (2,): what `depths` found at the robot's pose; negative where it has no contact. Along a
-            trajectory it falls to the depths that are left.
+        start, outs: As for `depths`; `start` is empty where the robot has no contact.
         free: Shape (N,), filled with the number of poses before the first contact.
         highest, summed: Shape (N,), filled with the highest and the summed cost under the base at these poses.
     """
@@ -287,7 +340,7 @@ def first_contacts(
     for n in range(number):
         may_look_at = MOST_LOOKED_AT * (n + 1) // number
         factor, reach = scales[n] / resolution, (1.0 + _ROUNDING) * circumscribed * scales[n] / resolution
-        deepest, total = allowed[0], allowed[1]
+        touches = start.shape[0] > 0
         free[n] = counts[n]
         highest[n] = 0.0
         summed[n] = 0.0
@@ -317,7 +370,7 @@ def first_contacts(
                     if found > 0:
                         break
                 room -= reach * 2.0 * math.pi / outlines.shape[0]  # headings are rounded by half a step, here and there
-            if deepest < 0.0:
+            if not touches:
                 if found > 0:
                     free[n] = i
                     break
@@ -327,14 +380,12 @@ def first_contacts(
             else:
                 looked_at += depths(
                     costs, origin_x, origin_y, resolution, corners, circumscribed, overlap, in_way, poses[n, i, 0],
-                    poses[n, i, 1], poses[n, i, 2], scales[n], entered)
+                    poses[n, i, 1], poses[n, i, 2], scales[n], start, outs, entered)
                 if found == 0 and entered[0] <= 0.5 - overlap:  # contact has ended: from here on none is allowed
-                    deepest = total = -1.0
-                elif entered[0] > deepest + _HAIR or entered[1] > total + deepest + _HAIR:
+                    touches = False
+                elif not math.isfinite(entered[0]):
                     free[n] = i
                     break
-                else:
-                    deepest, total = min(deepest, entered[0]), min(total, entered[1])
             column, row = int(math.floor(across)), int(math.floor(up))
             if column < 0 or row < 0 or column >= width or row >= height:
                 free[n] = i
@@ -343,28 +394,3 @@ def first_contacts(
             highest[n] = max(highest[n], cost)
             summed[n] += cost
     return looked_at
-
-
-@kernel("float64(float32[:,::1], float64, float64, float64, float64[:,::1])")
-def least_distance(distances, origin_x, origin_y, resolution, points):
-    """Return the least of a grid's values at points, interpolated bilinearly between cells' centres; infinite for none.
-
-    Args:
-        distances: Shape (H, W), a value at each cell's centre.
-        origin_x, origin_y, resolution: As for `contacts`.
-        points: Shape (N, 2) in metres; those outside the outermost centres are left out.
-    """
-    height, width = distances.shape
-    least = math.inf
-    for n in range(points.shape[0]):
-        across = (points[n, 0] - origin_x) / resolution - 0.5
-        up = (points[n, 1] - origin_y) / resolution - 0.5
-        if not (across >= 0.0 and up >= 0.0 and across < width - 1 and up < height - 1):
-            continue
-        column, row = int(across), int(up)
-        across -= column
-        up -= row
-        lower = (1.0 - across) * distances[row, column] + across * distances[row, column + 1]
-        upper = (1.0 - across) * distances[row + 1, column] + across * distances[row + 1, column + 1]
-        least = min(least, (1.0 - up) * lower + up * upper)
-    return least
