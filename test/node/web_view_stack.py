@@ -22,6 +22,9 @@ from web_client import WebClient
 
 from mbf_relay.ros.tools.demo_graph import free_port
 
+LOOK_PERIOD = 0.1
+"""Wall seconds between two looks at the master or the page, of which each costs several processes a connection."""
+
 
 class PaperRobot:
     """A robot's topics, published by hand."""
@@ -79,7 +82,7 @@ class ViewProcess:
         """Start it and wait until it serves."""
         with open(self.log, "wb") as stream:
             self.process = subprocess.Popen(self.command, stdout=stream, stderr=subprocess.STDOUT, env=self.environment)
-        wait_until(self.serves, f"{self.name} to serve; it logs to {self.log}")
+        wait_until(self.serves, f"{self.name} to serve; it logs to {self.log}", period=LOOK_PERIOD)
 
     def serves(self):
         """Return whether the page can be had."""
@@ -108,6 +111,12 @@ class ViewProcess:
         return sorted(
             t for t, nodes in rosgraph.Master("web_view_test").getSystemState()[1] if f"/{self.name}" in nodes
         )
+
+    def wait_for_subscriptions(self, condition, what, timeout=30.0):
+        """Wait until the topics it listens to meet a condition."""
+        wait_until(
+            lambda: condition(self.subscriptions()), lambda: f"{what}; it listens to {self.subscriptions()}", timeout,
+            LOOK_PERIOD)
 
     def end(self, number=signal.SIGINT):
         """End it."""

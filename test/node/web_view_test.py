@@ -35,14 +35,14 @@ MARKUP = "<img src=x onerror=alert(1)>"
 
 class WebViewTest(WebViewCase):
     def test_nobody_connected_means_no_subscription(self):
-        wait_until(lambda: self.open.subscriptions() == [], f"no subscription; there are {self.open.subscriptions()}")
+        self.open.wait_for_subscriptions(lambda topics: not topics, "no subscription")
         client = self.connect(layers=["robot"])
-        wait_until(lambda: "/tf" in self.open.subscriptions(), "web_view to listen to /tf")
+        self.open.wait_for_subscriptions(lambda topics: "/tf" in topics, "web_view to listen to /tf")
         self.assertNotIn("/scan", self.open.subscriptions())
         client.send(do="show", layers={"scan": 5.0})
-        wait_until(lambda: "/scan" in self.open.subscriptions(), "web_view to listen to /scan")
+        self.open.wait_for_subscriptions(lambda topics: "/scan" in topics, "web_view to listen to /scan")
         client.close()
-        wait_until(lambda: self.open.subscriptions() == [], "the subscriptions to end")
+        self.open.wait_for_subscriptions(lambda topics: not topics, "the subscriptions to end")
 
     def test_a_page_loaded_anew_leaves_the_wheels_their_connection(self):
         def connections():
@@ -50,10 +50,10 @@ class WebViewTest(WebViewCase):
 
         client = self.driver()
         client.send(do="show", layers={"scan": 5.0})
-        wait_until(lambda: "/scan" in self.open.subscriptions(), "web_view to listen to /scan")
+        self.open.wait_for_subscriptions(lambda topics: "/scan" in topics, "web_view to listen to /scan")
         before = connections()
         client.close()
-        wait_until(lambda: "/scan" not in self.open.subscriptions(), "web_view to know that the page is gone")
+        self.open.wait_for_subscriptions(lambda topics: "/scan" not in topics, "web_view to know that the page is gone")
         self.driver()
         self.assertEqual(connections(), before)
 
@@ -144,7 +144,7 @@ class WebViewTest(WebViewCase):
         other.wait_for("pong")
 
     def test_two_hundred_browsers_at_once_are_told_that_there_are_too_many(self):
-        wait_until(lambda: self.guarded.subscriptions() == [], "the other tests' browsers to be gone")
+        self.guarded.wait_for_subscriptions(lambda topics: not topics, "the other tests' browsers to be gone")
         crowd = [self.connect(self.guarded, token="see", layers=["robot"]) for _ in range(200)]
         wait_until(
             lambda: sum(client.closed is not None for client in crowd) == 195, "195 of 200 to be turned away", 60.0
@@ -166,16 +166,16 @@ class WebViewTest(WebViewCase):
 
     def test_a_machine_that_went_to_sleep_with_its_page_open_is_not_waited_for(self):
         """Nothing reads what the system has taken in for it, and no end of the connection comes."""
-        wait_until(lambda: self.open.subscriptions() == [], "the other tests' browsers to be gone")
+        self.open.wait_for_subscriptions(lambda topics: not topics, "the other tests' browsers to be gone")
         asleep = StalledClient(self.open.port)
         try:
-            wait_until(self.open.subscriptions, "web_view to listen for it")
+            self.open.wait_for_subscriptions(bool, "web_view to listen for it")
             awake = self.connect(layers=["robot"])
             for step in range(5):
                 self.robot.where = (0.5 * step, 1.0)
                 awake.layer("robot", lambda robot: robot["pose"] == [0.5 * step, 1.0, 0.0], f"at {0.5 * step} m")
             awake.close()
-            wait_until(lambda: self.open.subscriptions() == [], "web_view to give it up", 60.0)
+            self.open.wait_for_subscriptions(lambda topics: not topics, "web_view to give it up", 60.0)
         finally:
             asleep.close()
 

@@ -26,6 +26,8 @@ from mbf_relay.ros.tools.demo_graph import descendants  # noqa: E402
 
 MARK = "MBF_RELAY_DEMO_TEST"
 PATIENCE = 240.0
+LOOK_PERIOD = 0.1
+"""Wall seconds between two looks at every process of the machine."""
 OF_ROS_CPP = ("rosout", "robot_state_publisher")
 """ROS's own nodes in C++ take requests on every interface, whatever they are told; topics they send on loopback alone.
 """
@@ -132,7 +134,7 @@ class TestDemo(unittest.TestCase):
         demo = self.drive()
         demo.process.kill()
         demo.process.wait()
-        wait_until(lambda: demo.left_behind() == [], "everything the demo had started to end", 120.0)
+        wait_until(lambda: demo.left_behind() == [], "everything the demo had started to end", 120.0, LOOK_PERIOD)
 
     def test_4_it_listens_on_the_loopback_interface_alone(self):
         demo = self.drive()

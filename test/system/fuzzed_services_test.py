@@ -27,7 +27,7 @@ from rosgraph_msgs.msg import Log
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 
-from pulled import NODES, pid_of  # noqa: E402
+from pulled import LOOK_PERIOD, NODES, pid_of  # noqa: E402
 from running_stack import start_test_node  # noqa: E402
 from tally import LONG, how_many, trial  # noqa: E402
 
@@ -80,8 +80,8 @@ class TestFuzzedServices(unittest.TestCase):
         cls.log = Listener("/rosout", Log, connected=True)
         cls.velocities = Listener("cmd_vel", Twist, connected=True)
         for node in OURS:
-            wait_until(lambda node=node: pid_of(node), f"{node}", 60.0)
-        wait_until(lambda: len(services()) >= 25, "all services", 60.0)
+            wait_until(lambda node=node: pid_of(node), f"{node}", 60.0, LOOK_PERIOD)
+        wait_until(lambda: len(services()) >= 25, "all services", 60.0, LOOK_PERIOD)
         cls.pids = {node: pid_of(node) for node in OURS}
 
     @trial("services asked for anything")

@@ -70,8 +70,8 @@ class MasterCase(PulledCase):
             start_test_node("pulled_master_test")
             super().setUpClass()
             cls.ends = Listener("move_base_flex/move_base/result", FlexResult, connected=True)
-            cls.pids = {node: wait_until(lambda node=node: pid_of(node), node, 60.0) for node in EVERYBODY}
-            wait_until(shows_the_server_s, "the relay to show the server's settings", 60.0)
+            cls.pids = {node: wait_until(lambda node=node: pid_of(node), node, 60.0, LOOK_PERIOD) for node in EVERYBODY}
+            wait_until(shows_the_server_s, "the relay to show the server's settings", 60.0, LOOK_PERIOD)
             cls.given = {node: rospy.get_param(node) for node in EVERYBODY if node not in ("/amcl", "/map_server")}
             cls.foreigner = wait_until(lambda: pid_of("/robot_state_publisher"), "robot_state_publisher")
         except BaseException:
@@ -121,7 +121,8 @@ class MasterCase(PulledCase):
         for node in self.given:
             wait_until(
                 lambda node=node: not self.not_as_given(node),
-                lambda node=node: f"the parameters its user gave {node}, but for {self.not_as_given(node)}")
+                lambda node=node: f"the parameters its user gave {node}, but for {self.not_as_given(node)}",
+                period=LOOK_PERIOD)
         x, y = (str(value) for value in place[:2])
 
         def arrives():

@@ -10,7 +10,7 @@ import rostest
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 
-from pulled import PulledCase, pid_of  # noqa: E402
+from pulled import LOOK_PERIOD, PulledCase, pid_of  # noqa: E402
 from ros_testing import wait_until  # noqa: E402
 from running_stack import start_test_node  # noqa: E402
 from tally import how_many, trial  # noqa: E402
@@ -48,7 +48,8 @@ class TestPulledSimulator(PulledCase):
         killed = self.signal("/simulator", signal.SIGKILL)
         self.wait_until_told_to_stand("a killed simulator", made)
         self.check_stop(sent, LOST)
-        wait_until(lambda: pid_of("/simulator") not in (None, killed), "the simulator to be back")
+        wait_until(
+            lambda: pid_of("/simulator") not in (None, killed), "the simulator to be back", period=LOOK_PERIOD)
         self.check_next_goal(place, "the simulator was killed")
 
     def test_3_again_and_again(self):
