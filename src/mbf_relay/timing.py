@@ -11,6 +11,10 @@ SET_BACK = 1.0
 """Time (s) by which a stamp must be ahead of now to be from before the clock was set back; smaller differences come
 from threads that read the clock and were then delayed."""
 
+UNSEEN = 1.0
+"""Time (s) by which an update must be late for waiting times to start over: the process was suspended, or the clock
+set forward."""
+
 
 class Stopwatch:
     """Time since a start; starts again when the clock jumps back."""

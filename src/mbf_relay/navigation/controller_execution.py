@@ -24,7 +24,7 @@ from mbf_relay.navigation.task import Ending, Task
 from mbf_relay.navigation.worker import Job
 from mbf_relay.outcomes import ControlError, ControlOutcome, StaleDataError, TransformError
 from mbf_relay.planning.path import Path
-from mbf_relay.timing import Pacer, Stopwatch
+from mbf_relay.timing import UNSEEN, Pacer, Stopwatch
 
 ZONE = "zone"
 """Name of the source of the costmaps' speed limit zones; see Controller.limit_speed."""
@@ -73,8 +73,7 @@ class ControllerExecution:
         self.instance = instance
         self.task: Task[FollowResult] = Task()
         self.watch_oscillation = True
-        self._robot, self._costmap, self._parameters = robot, costmap, parameters
-        self._zone_limit = zone_limit
+        self._robot, self._costmap, self._parameters, self._zone_limit = robot, costmap, parameters, zone_limit
         self._told_limit: Optional[ZoneLimit] = None
         self._goal: Optional[FollowGoal] = None
         self._path_is_new, self._goal_is_new = False, False
@@ -120,10 +119,8 @@ class ControllerExecution:
 
     def replaced(self) -> None:
         """End because another goal takes over at once; the robot is stopped only with force_stop_on_cancel."""
-        self._end(
-            Ending.CANCELED, ControlOutcome.CANCELED, "Goal preempted by a new goal",
-            stop=self._parameters().force_stop_on_cancel,
-        )
+        stop = self._parameters().force_stop_on_cancel
+        self._end(Ending.CANCELED, ControlOutcome.CANCELED, "Goal preempted by a new goal", stop=stop)
 
     def update(self, now: float) -> None:
         """Send the velocity of the last cycle, if it is ready, and begin the next cycle when it is due."""
@@ -137,6 +134,8 @@ class ControllerExecution:
         if self._robot.paused:
             self._stand_by(now)
             return
+        if UNSEEN < now - self._pacer.next < math.inf:
+            self._start_over(now)
         if self._job is not None:
             self._watch(now, self._job)
         if not self.task.done and self._job is None and self._pacer.is_due(now):
@@ -144,16 +143,20 @@ class ControllerExecution:
 
     def _stand_by(self, now: float) -> None:
         """Stop the robot and restart all timeouts while it is paused."""
-        self._job_task = Task()  # matches no drive, so that _collect drops the answer of a running cycle
+        self._start_over(now)
         if self._command != STOP:  # send zero once only: somebody may drive it by hand meanwhile
             self._send(STOP)
+        if self._pacer.is_due(now):
+            self._pacer.passed(now, 1.0 / self._parameters().controller_frequency)
+            self._report(ControlOutcome.SUCCESS, PAUSED)
+
+    def _start_over(self, now: float) -> None:
+        """Restart all timeouts, and drop the answer of a running cycle."""
+        self._job_task = Task()  # matches no drive, see _collect
         for watch in (self._since_start, self._since_valid, self._since_call):
             watch.start(now)
         self._since_pose.reset()
         self._oscillation.restart(now)
-        if self._pacer.is_due(now):
-            self._pacer.passed(now, 1.0 / self._parameters().controller_frequency)
-            self._report(ControlOutcome.SUCCESS, PAUSED)
 
     # one cycle
 
@@ -175,10 +178,8 @@ class ControllerExecution:
             self._no_command(now, ControlOutcome.NO_VALID_CMD, str(error))
             return
         self._since_pose.reset()
-        path = self._goal.path if self._path_is_new else None
-        goal_is_new = self._goal_is_new
-        self._path_is_new, self._goal_is_new = False, False
-        tolerance = self._goal.tolerance
+        path, tolerance = self._goal.path if self._path_is_new else None, self._goal.tolerance
+        goal_is_new, self._path_is_new, self._goal_is_new = self._goal_is_new, False, False
         self._since_call.start(now)
         self._job_task = self.task
         limit = self._zone_limit()

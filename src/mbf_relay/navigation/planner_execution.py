@@ -20,7 +20,7 @@ from mbf_relay.navigation.worker import Job
 from mbf_relay.outcomes import PlanningError, PlanOutcome, TransformError
 from mbf_relay.planning.path import Path
 from mbf_relay.planning.planner import Cancellation, Planner
-from mbf_relay.timing import Pacer, Stopwatch
+from mbf_relay.timing import UNSEEN, Pacer, Stopwatch
 
 RETRY_DELAY = 0.2
 """Seconds between two tries: costmaps change no faster, and a plan that fails at once must not keep a core busy."""
@@ -34,9 +34,6 @@ PlanWatcher = Callable[[str, Path], None]
 
 HOPELESS = (PlanOutcome.INVALID_START, PlanOutcome.INVALID_GOAL, PlanOutcome.OUT_OF_MAP, PlanOutcome.CANCELED)
 """Outcomes that are not retried, since waiting changes nothing."""
-UNSEEN = 1.0
-"""Seconds by which an update must be late for the waiting time to start over: the process was suspended, or the clock
-set forward."""
 
 
 class PlannerExecution:
