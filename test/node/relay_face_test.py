@@ -54,6 +54,16 @@ class RelayFaceTest(RelayCase):
         self.cancels.publish(GoalID(id=running))
         self.check_end(running, GoalStatus.PREEMPTED, "")
 
+    def test_an_explorer_gets_plans_from_the_planners_own_services(self):
+        self.make_sure_of_server()
+        request = GetPlanRequest()
+        request.goal.header.frame_id, request.goal.pose.position.x = "map", 4.0
+        for planner, at_server in (("NavfnROS", "navfn"), ("GlobalPlanner", "GP")):
+            make_plan = rospy.ServiceProxy(f"move_base/{planner}/make_plan", GetPlan)
+            make_plan.wait_for_service(timeout=30.0)
+            self.assertEqual([p.pose.position.x for p in make_plan(request).plan.poses], [0.0, 4.0])
+            wait_until(lambda name=at_server: self.reported("plan", f" {name}"), "the request at the server")
+
     def test_costmaps_are_cleared_at_the_server(self):
         self.make_sure_of_server()
         rospy.ServiceProxy("move_base/clear_costmaps", Empty)()

@@ -88,7 +88,7 @@ class ScriptedServer:
     def plan(self, handle):
         handle.set_accepted()
         goal, result = handle.get_goal(), GetPathResult()
-        self.say("plan", goal.use_start_pose, goal.concurrency_slot, goal.target_pose.pose.orientation.w)
+        self.say("plan", goal.use_start_pose, goal.concurrency_slot, goal.target_pose.pose.orientation.w, goal.planner)
         if NAMES.get(goal.target_pose.pose.position.z) == "no_plan":
             result.outcome = GetPathResult.NO_PATH_FOUND
             handle.set_aborted(result, "no path")

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import threading
 import time
-from typing import Any, Optional
+from functools import partial
+from typing import Any, Callable, Optional
 
 import rosgraph
 import rospy
@@ -17,6 +18,7 @@ from mbf_relay.ros.common.actions.action_client import ActionClient
 from mbf_relay.ros.common.actions.server_watch import GONE, MUTE, ask_node
 from mbf_relay.ros.common.get_plan import append_goal, with_orientation
 from mbf_relay.ros.common.outcome_codes import name_of
+from mbf_relay.ros.relay.topics import PLANNER
 
 PLAN_SLOT = 255
 """The server's concurrency slot for ~make_plan, so that it replaces no plan of other clients, which use slot 0."""
@@ -24,23 +26,25 @@ CONNECTING = 1.0
 """Wall time (s) to wait for a server that is not connected yet, as right after its start."""
 PLAN_PATIENCE = 60.0
 """Longest wall time (s) for a plan."""
+PLANNERS = ("NavfnROS", "GlobalPlanner")
+"""Planners of move_base with a service of their own, such as ~NavfnROS/make_plan."""
 LOOK_EVERY = 0.1
 """Wall time (s) between two checks of the server while it plans."""
 
 
 class MakePlan:
-    """~make_plan by the server's service of that name if it has one, else by its get_path.
+    """~make_plan and the planners' own, by the server's service of that name if it has one, else by its get_path.
 
-    Unlike move_base's it also works while the robot drives. The service is preferred, since it tries once: get_path
+    Unlike move_base's they also work while the robot drives. The service is preferred, since it tries once: get_path
     retries until its patience ends, for a goal in an obstacle too.
     """
 
     def __init__(self, parameters: Any, settings: Any) -> None:
-        """Offer the service.
+        """Offer the services.
 
         Args:
             parameters: RelayParameters: the server and its timeouts.
-            settings: MoveBaseSettings: `plugin_names()`, `values.make_plan_add_unreachable_goal`.
+            settings: MoveBaseSettings: `plugin_names()`, `server_name()`, `values.make_plan_add_unreachable_goal`.
         """
         self._settings, self._server = settings, parameters.server
         # also used with the service: it can tell a server that hangs from one that is slow
@@ -50,16 +54,31 @@ class MakePlan:
         )
         self._one_at_a_time = threading.Lock()
         rospy.Service("~make_plan", GetPlan, self._answer)
+        for name in PLANNERS:
+            rospy.Service(f"~{name}/make_plan", GetPlan, partial(self._answer_as, name))
 
     def _answer(self, request: GetPlanRequest) -> GetPlanResponse:
-        """Return the plan; an empty one where there is none."""
+        """Return the plan of the chosen planner; an empty one where there is none."""
+        response = self._plan(request, lambda: str(self._settings.plugin_names()[0]))
+        if self._settings.values.make_plan_add_unreachable_goal:
+            append_goal(response.plan, request.goal)
+        return response
+
+    def _answer_as(self, planner: str, request: GetPlanRequest) -> GetPlanResponse:
+        """Return the plan of one of PLANNERS, as its own service does; an empty one where there is none."""
+        return self._plan(request, lambda: str(self._settings.server_name(PLANNER, planner)))
+
+    def _plan(self, request: GetPlanRequest, planner_name: Callable[[], str]) -> GetPlanResponse:
+        """Return the plan of a planner, by its name at the server once that is there, empty for the first."""
         with self._one_at_a_time:
             if not self._client.wait_for_server(CONNECTING):
                 raise rospy.ServiceException(f"no plan: {self._client.why_down}")
-            service = self._plan_service()
+            planner = planner_name()
+            owner = f"{self._server}/{planner}" if planner else self._server
+            service = str(rospy.resolve_name(f"{owner}/make_plan"))
             if _is_served(service):
                 return self._answer_at_once(request, rospy.ServiceProxy(service, GetPlan))
-            sent = self._client.send(path_goal(request, self._settings.plugin_names()[0]))
+            sent = self._client.send(path_goal(request, planner))
             ending = sent.wait(PLAN_PATIENCE)
         if ending is None:
             sent.cancel()
@@ -69,18 +88,10 @@ class MakePlan:
         response = GetPlanResponse()
         if ending.status == GoalStatus.SUCCEEDED and ending.result is not None:
             response.plan = ending.result.path
-            if self._settings.values.make_plan_add_unreachable_goal:
-                append_goal(response.plan, request.goal)
         else:
             outcome = name_of(ending.result.outcome, type(ending.result)) if ending.result is not None else ""
             rospy.logwarn("make_plan found no path: %s %s", outcome, ending.text)
         return response
-
-    def _plan_service(self) -> str:
-        """Return the name of the make_plan service of the chosen planner, or of the server where none is chosen."""
-        planner = self._settings.plugin_names()[0]
-        owner = f"{self._server}/{planner}" if planner else self._server
-        return str(rospy.resolve_name(f"{owner}/make_plan"))
 
     def _answer_at_once(self, request: GetPlanRequest, service: rospy.ServiceProxy) -> GetPlanResponse:
         call, deadline = ServiceCall(service, request), time.monotonic() + PLAN_PATIENCE
@@ -93,9 +104,8 @@ class MakePlan:
             raise rospy.ServiceException(f"no plan within {PLAN_PATIENCE:g} s")
         if call.error is not None:
             raise rospy.ServiceException(f"no plan: {call.error}")
-        if self._settings.values.make_plan_add_unreachable_goal:
-            append_goal(call.response.plan, request.goal)
-        return call.response
+        response: GetPlanResponse = call.response
+        return response
 
 
 def _is_served(service: str) -> bool:
