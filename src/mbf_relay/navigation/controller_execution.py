@@ -17,7 +17,7 @@ from mbf_relay.navigation.control_cycle import ControlAnswer, run_cycle
 from mbf_relay.navigation.cycle_load import CycleLoad, CyclePeriod
 from mbf_relay.navigation.goals import FollowFeedback, FollowGoal, FollowResult, FramedPose
 from mbf_relay.navigation.parameters import NavigatorParameters
-from mbf_relay.navigation.progress import IgnoredCommands, OscillationDetector
+from mbf_relay.navigation.progress import TOLD_AFTER, IgnoredCommands, OscillationDetector
 from mbf_relay.navigation.registry import PluginInstance
 from mbf_relay.navigation.robot import OVERRUN_PERIODS, TOO_OLD, Robot
 from mbf_relay.navigation.task import Ending, Task
@@ -304,7 +304,8 @@ class ControllerExecution:
             message = f"Oscillation detected! No progress for {stuck:.1f} s"
             self._end(Ending.ABORTED, ControlOutcome.OSCILLATION, message)
             return
-        self._report(ControlOutcome.SUCCESS, "")
+        standing = self._ignored.told(now, velocity) if ignored > TOLD_AFTER else ""
+        self._report(ControlOutcome.SUCCESS, self._robot.explained(standing))
 
     def _at_the_machines_pace(self, now: float, velocity: Twist2D) -> Twist2D:
         """Return the velocity, scaled down along the same arc where cycles take too much of the period (CycleLoad)."""
@@ -382,11 +383,10 @@ class ControllerExecution:
         self, ending: Ending, outcome: ControlOutcome, message: str, stop: bool = True,
         cause: Optional[ControlOutcome] = None,
     ) -> None:
-        why = self._robot.unheard or self._robot.held_back
+        if outcome is ControlOutcome.ROBOT_STUCK:
+            message = self._robot.explained(message)  # before the stop, which a guard has nothing against
         if stop:
             self._send(STOP)
-        if outcome is ControlOutcome.ROBOT_STUCK and why:
-            message = f"{why}: {message}"
         pose, distance, angle = self._where()
         self.task.end(ending, FollowResult(outcome, message, pose, distance, angle, cause))
 

@@ -15,6 +15,8 @@ STOPPED = 1e-3
 """Speed (m/s and rad/s) below which a robot counts as standing, and a command as zero."""
 MOVED = 0.02, 0.05
 """Distance (m) and angle (rad) above which a robot has moved; above the noise of the pose of one that stands."""
+TOLD_AFTER = 1.0
+"""Seconds for which a robot stands still against its commands before feedback says so, as in Move Base Flex's log."""
 ONE_WAY = 0.5
 """Net turn (rad) that counts as progress at the timeout where the robot turned one way; one that oscillates turns back.
 """

@@ -102,6 +102,11 @@ class Robot(abc.ABC):
         """Which node reduces or blocks commands, such as velocity_guard, and why; empty where none does."""
         return ""
 
+    def explained(self, standing: str) -> str:
+        """Return a message that it stands against its commands, with the reason where one is known; empty as it is."""
+        why = self.unheard or self.held_back
+        return f"{why}: {standing}" if why and standing else standing
+
     @property
     def knows_its_motion(self) -> bool:
         """Whether odometry is there and valid."""

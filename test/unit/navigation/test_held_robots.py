@@ -38,3 +38,17 @@ def test_a_robot_told_to_wait_drives_on_when_its_emergency_stop_is_released_as_u
     assert not task.done and not {"R1", "R2"} & set(bench.script.calls)
     bench.robot.held = False
     assert bench.finish(task).outcome is NavigateOutcome.SUCCESS
+
+
+def test_who_holds_a_robot_is_what_its_feedback_tells_as_long_as_it_stands(make_bench):
+    """Its client saw the distance to the goal stay as it was, and nothing else."""
+    bench, task = held(make_bench, FOLLOWERS[0], 0.0, 0.0)
+    bench.robot.silence = "nobody listens to /cmd_vel"
+    task.take_feedback()
+    bench.step()
+    told, = task.take_feedback()
+    assert told.outcome is ControlOutcome.SUCCESS
+    assert told.message.startswith("nobody listens to /cmd_vel: Robot has stood still for ")
+    bench.robot.held = False
+    bench.run(lambda: bench.robot.pose.x > 0.2)
+    assert task.take_feedback()[-1].message == ""
