@@ -146,9 +146,12 @@ def become_another_program(parent: int) -> Callable[[], None]:
     return prepare
 
 
-def adopt_orphans() -> None:
-    """Become the parent of descendants whose own parent ends (Linux: prctl(2), PR_SET_CHILD_SUBREAPER)."""
+def adopt_orphans() -> bool:
+    """Become the parent of descendants whose own parent ends (Linux: prctl(2), PR_SET_CHILD_SUBREAPER).
+
+    Return whether the system allows it; qemu's emulation of another processor does not.
+    """
     import ctypes
 
     set_child_subreaper = 36
-    ctypes.CDLL(None, use_errno=True).prctl(set_child_subreaper, 1, 0, 0, 0)
+    return bool(ctypes.CDLL(None, use_errno=True).prctl(set_child_subreaper, 1, 0, 0, 0) == 0)

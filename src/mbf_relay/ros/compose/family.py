@@ -58,7 +58,10 @@ class Family:
     def run(self) -> int:
         """Run until all processes have ended; return 0 after one of ending_signals() or if no task failed, else 1."""
         ends = ending_signals()
-        adopt_orphans()
+        if not adopt_orphans():
+            _say("this system does not let a process adopt others (prctl PR_SET_CHILD_SUBREAPER), as under qemu; "
+                 "start each node by itself: composed:=false")
+            return 1
         before = signal.pthread_sigmask(signal.SIG_BLOCK, ends | {signal.SIGCHLD})
         try:
             self._bear(list(self._tasks), before, 0.0)

@@ -12,8 +12,11 @@ import pytest
 from ros_testing import wait_until
 
 PROGRAM = """
-import os, signal, sys, time
+import ctypes, os, signal, sys, time, types
 from mbf_relay.ros.compose.family import Family
+
+if "emulated" in sys.argv:
+    ctypes.CDLL = lambda *_, **__: types.SimpleNamespace(prctl=lambda *_: -1)
 
 def sleep(name):
     os.write(1, f"{name} {os.getpid()}\\n".encode())  # at once: a sibling writes, too
@@ -91,6 +94,13 @@ def test_a_node_that_is_killed_is_there_again_though_nobody_reads_what_is_said_o
             children["one"].kill()
             wait_until(lambda: select.select([program.process.stdout], [], [], 0.0)[0], "its successor", 20.0)
             assert program.told()[0] == "one"
+
+
+def test_who_runs_it_where_no_process_can_adopt_others_reads_that():
+    """Under qemu no node was there, and nothing was said of it."""
+    with Running("respawn", "emulated", terminal=subprocess.PIPE) as program:
+        said = program.process.communicate(timeout=60.0)[1]
+    assert program.process.returncode == 1 and b"composed:=false" in said
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
