@@ -98,6 +98,20 @@ def test_goals_are_sent_though_the_master_could_not_say_at_first_what_plugins_th
     worker.join(5.0)
 
 
+def test_whoever_names_a_planner_that_the_server_has_not_is_told_which_one_drives_the_robot(monkeypatch):
+    """The log said what there was, and not that the robot went by another planner than its file names."""
+    said = []
+    for name, stand_in in {"resolve_name": lambda name: "/" + name, "get_param": lambda _name, _default: PLUGINS,
+                           "logwarn": lambda text, *values: said.append(text % values)}.items():
+        monkeypatch.setattr(f"rospy.{name}", stand_in)
+    settings = MoveBaseSettings("move_base_flex", MoveBaseParameters(base_global_planner="my/Planner"))
+    settings.server_came()
+    settings.send_wishes(None)
+    assert settings.plugin_names() == ("", "") and settings.knows_server
+    assert len(said) == 1 and said[0].startswith("/move_base_flex has no plugin 'my/Planner'; it has: ")
+    assert said[0].endswith("; goals get the first of them")
+
+
 def test_no_goal_is_composed_while_the_server_s_plugins_are_being_learned(monkeypatch):
     """Sent between the two lists, a goal that waited for the server was driven to by another controller than asked for.
     """
