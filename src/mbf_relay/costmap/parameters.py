@@ -60,7 +60,9 @@ class CostmapParameters(ParameterSet):
     obstacle_overlap: float = parameter(
         OBSTACLE_OVERLAP, "share of a cell by which the footprint may overlap an obstacle's cell, since obstacles fill "
         "half of it on average; for planner, controller and recovery alike", minimum=0.0, maximum=0.5)
-    footprint_topic: str = parameter("footprint", "topic on which the footprint can be changed", is_topic=True)
+    footprint_topic: str = parameter(
+        "footprint", "topic on which the footprint can be changed; width and height of a rolling_window stay, and must "
+        "suit the largest", is_topic=True)
     published_footprint_topic: str = parameter(
         "footprint", "topic on which the footprint at the robot's pose is published", aliases=("published_footprint",),
         is_topic=True)
