@@ -257,3 +257,15 @@ def test_robust_off_is_the_plain_filter():
         np.diag([0.05, 0.05, 0.02]),
     )
     assert np.median(errors(result.poses, made.log.reference)["translation"]) > 0.1
+
+
+def test_a_beam_that_ends_on_the_rim_of_the_map_is_not_measured_by_what_lies_on_its_other_side():
+    data = np.zeros((20, 20), dtype=np.int8)
+    data[:, 0] = 100
+    field = DistanceField(OccupancyMap(data, 0.1, IDENTITY), 2.0)
+    for end, explained in (((1.9, 1.0), 0.5), ((1.97, 1.0), 0.0), ((1.0, 1.97), 0.0), ((0.03, 1.0), 0.0)):
+        beam = np.array([end]) - (0.5, 0.5)
+        told = linearize(
+            np.array([0.5, 0.5, 0.0]), beam, field.codes, field.face_distances, field.frame, 9.0, 0.1, np.empty((3, 3)),
+            np.empty(3))
+        assert told > explained if explained else told == 0.0
