@@ -268,6 +268,7 @@ class MoveBase:
                 return
             self._replan_pacer.passed(now, period)  # before any return, or `due` would stay in the past
             if self._last.distance <= NO_REPLAN_WITHIN:
+                self._replan_trouble = ""
                 return
             at.replan = self._new_plan(self._ways.tolls(now), retry=False)
         at.replan.update(now)
@@ -285,7 +286,6 @@ class MoveBase:
             f"replanning failed, going on along the last path: {result.outcome.name}: {result.message}"
         )
         if self._ways.is_blocked(at.path, self._last.pose):
-            self._replan_trouble = ""
             self._stop_driving(now, at)
             if self._recover(result.outcome, result.message, result.cause):
                 return
@@ -359,6 +359,7 @@ class MoveBase:
     # ending
 
     def _drop_replan(self, at: Driving) -> None:
+        self._replan_trouble = ""
         if at.replan is not None:
             at.replan.give_up(Ending.CANCELED, PlanOutcome.CANCELED, "the drive is over")
 

@@ -15,6 +15,7 @@ import scripted
 from scripted_bench import Bench
 from test_goals_that_cannot_begin import Answers
 
+from mbf_relay.geometry import Pose2D, Twist2D
 from mbf_relay.outcomes import RecoveryError, RecoveryOutcome
 from mbf_relay.ros.common.throttled_warnings import PERIOD, ThrottledWarnings
 from mbf_relay.ros.server.actions import make_actions
@@ -70,6 +71,27 @@ def test_what_keeps_a_robot_from_its_goal_is_told_and_again_and_not_too_often(tr
     times = 3
     told = log.after(times * PERIOD - 1.0)
     assert len(told) == times and all(text.startswith(said) for text in told)
+
+
+def test_a_robot_that_turns_at_its_goal_says_nothing_of_one_replan_in_vain_on_the_way():
+    """Near the goal none is made any more, and the trouble of the last one went on to the end."""
+    log = Log()
+    log.bench.script.plan = scripted.NO_WAY
+    log.after(0.5)
+    log.bench.robot.pose, log.bench.script.velocity = Pose2D(89.95, 0.0, 0.0), Twist2D(0.0, 0.0, 0.5)
+    assert log.after(4.0) == []
+
+
+def test_a_robot_that_drives_on_by_a_new_path_after_a_recovery_says_nothing_of_a_replan_before():
+    """It was to go on along the last path, until the next replan: for 5 s at 0.2 Hz."""
+    log = Log(controller_max_retries=0)
+    log.bench.navigator.parameters = log.bench.navigator.parameters.replace(planner_frequency=0.2)
+    log.bench.script.plan = scripted.NO_WAY
+    log.after(5.5)
+    log.bench.script.plan, log.bench.script.velocity = scripted.line, scripted.STUCK
+    log.after(0.2)
+    log.bench.script.velocity = scripted.FORWARD
+    assert log.after(4.0) == []
 
 
 def test_a_recovery_that_fails_is_told_of(monkeypatch):
