@@ -32,8 +32,7 @@ from mbf_relay.ros.server.costmap_rest import CostmapRest
 from mbf_relay.ros.server.costmap_services import CostmapServices
 from mbf_relay.ros.server.pause_services import PauseServices
 from mbf_relay.ros.server.plan_services import PlanServices
-from mbf_relay.ros.server.planner_potential import serve_planner, serve_planners
-from mbf_relay.ros.server.planner_topics import PlannerTopics
+from mbf_relay.ros.server.planner_topics import PlanPublisher, serve_planner, serve_planners
 from mbf_relay.ros.server.robot import COMMANDS_PAUSE, RosRobot
 from mbf_relay.ros.server.topics import NavigationTopics
 from mbf_relay.ros.server.watchdog import Watchdog
@@ -79,10 +78,10 @@ class MoveBaseFlex:
         for name, doubt in doubts(config):
             rospy.logwarn("parameter %s %s", rospy.resolve_name(f"~{name}"), doubt)
         self._topics = NavigationTopics(self.navigator, is_move_base)
-        self._planner_topics = topics = PlannerTopics(self.navigator.planners.names)
+        self._plans = plans = PlanPublisher(self.navigator.planners.names)
 
         def publish_plan(name: str, path: Path) -> None:
-            worker.start(lambda: topics.publish(name, path))
+            worker.start(lambda: plans.publish(name, path))
 
         self.navigator.plan_watcher = publish_plan
         self._watchdog = Watchdog(self._stepper, self.robot, self._end_running, self._hung_costmaps)
@@ -134,7 +133,7 @@ class MoveBaseFlex:
             return
         registry.add(name, type_name)
         if kind == "planners":
-            self._planner_topics.add(name)
+            self._plans.add(name)
             self._plan_services.add(name)
             serve_planner(registry, name)
         else:
