@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import threading
 import time
 from typing import Any, Callable, Mapping
 
@@ -124,14 +123,14 @@ class CostmapServices:
         asked = {side: self._nodes[side].costmap.updates for side in sides}
         for side in sides:
             self._nodes[side].resume()
-        end, pause = time.monotonic() + UPDATE_TIMEOUT, threading.Event()
+        end = time.monotonic() + UPDATE_TIMEOUT
         for side in sides:
             node = self._nodes[side]
             while node.costmap.updates == asked[side]:
                 if time.monotonic() > end:
                     reason = node.costmap.stale_reason(rospy.get_time())
                     raise ValueError(f"the {side} costmap did not update within {UPDATE_TIMEOUT} s: {reason}")
-                pause.wait(0.01)
+                time.sleep(0.01)
 
     def _clear(self, _request: EmptyRequest) -> EmptyResponse:
         for node in self._nodes.values():

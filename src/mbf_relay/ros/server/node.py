@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import functools
 import math
-import threading
 import warnings
 from typing import Any, Callable, Dict, List, Mapping
 
@@ -22,7 +21,7 @@ from mbf_relay.ros.common import parameters as ros_parameters
 from mbf_relay.ros.common import reconfigure
 from mbf_relay.ros.common.actions.action_server import ActionServer, start_together
 from mbf_relay.ros.common.diagnostics import ERROR, OK, WARN, Diagnostics, RateMeter, Report
-from mbf_relay.ros.common.node import spare_what_stays
+from mbf_relay.ros.common.node import on_shutdown, spare_what_stays
 from mbf_relay.ros.common.stepper import Stepper
 from mbf_relay.ros.common.transforms import Transforms
 from mbf_relay.ros.costmap.node import CostmapNode, make_costmap_nodes
@@ -36,9 +35,6 @@ from mbf_relay.ros.server.planner_topics import PlanPublisher, serve_planner, se
 from mbf_relay.ros.server.robot import COMMANDS_PAUSE, RosRobot
 from mbf_relay.ros.server.topics import NavigationTopics
 from mbf_relay.ros.server.watchdog import Watchdog
-
-FLUSH_TIME = 0.1
-"""Wall seconds given to rospy's sending threads before the node goes down."""
 
 
 class MoveBaseFlex:
@@ -92,11 +88,10 @@ class MoveBaseFlex:
         self._rest = CostmapRest(costmap_nodes, parameters.clear_on_shutdown)
         self._trouble = ""
         self._steps = RateMeter()
-        self._closing = threading.Lock()
 
     def start(self) -> None:
         """Advertise all services, topics and actions and start the stepping thread."""
-        rospy.on_shutdown(self.close)
+        on_shutdown(self.close)
         if not self._is_move_base:
             _serve_reconfigure(self.navigator, self.reconfigure)
         serve_controllers(self.navigator.controllers)
@@ -146,15 +141,13 @@ class MoveBaseFlex:
 
     def close(self) -> None:
         """Stop the robot and end all goals; no velocity is sent afterwards."""
-        with self._closing:
-            self.robot.close()  # first, since the rest may take time
-            self._watchdog.stop()
-            self._stepper.stop()
-            for action in self._actions:
-                action.abort_all("STOPPED", "move_base_flex is shutting down")
-            for node in self._costmap_nodes.values():
-                node.close()
-        threading.Event().wait(FLUSH_TIME)
+        self.robot.close()  # first, since the rest may take time
+        self._watchdog.stop()
+        self._stepper.stop()
+        for action in self._actions:
+            action.abort_all("STOPPED", "move_base_flex is shutting down")
+        for node in self._costmap_nodes.values():
+            node.close()
 
     def _step(self, now: float) -> float:
         try:

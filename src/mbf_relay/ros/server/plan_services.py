@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+import time
 from typing import Callable
 
 import rospy
@@ -73,7 +74,7 @@ class PlanServices:
             while not execution.task.done:
                 execution.update(rospy.get_time())
                 if not execution.task.done:
-                    threading.Event().wait(LOOK_PERIOD)
+                    time.sleep(LOOK_PERIOD)
             return execution.task.ended_with()
 
 

@@ -1,13 +1,11 @@
 """A step of navigation that fails, or comes after one that hung, leaves no robot driving and no client waiting."""
 
 import math
-import threading
 from types import SimpleNamespace
 
 import pytest
 
 from mbf_relay.geometry import STOP
-from mbf_relay.ros.server import node
 from mbf_relay.ros.server.node import MoveBaseFlex
 
 
@@ -29,7 +27,7 @@ class PaperServer(MoveBaseFlex):
         self._topics = SimpleNamespace(publish=lambda _now: None)
         self._steps = SimpleNamespace(tick=lambda _now: None)
         self._rest = SimpleNamespace(attend=lambda *_: 7.0)
-        self._costmap_nodes, self._trouble, self._closing = {}, "", threading.Lock()
+        self._costmap_nodes, self._trouble = {}, ""
 
     def note(self, what):
         return lambda *told: self.done.append((what, *told))
@@ -52,8 +50,7 @@ class PaperServer(MoveBaseFlex):
 
 
 @pytest.fixture
-def server(monkeypatch):
-    monkeypatch.setattr(node, "FLUSH_TIME", 0.0)
+def server():
     return PaperServer()
 
 
