@@ -32,7 +32,7 @@ def node(monkeypatch):
     made._parameters, made._lock, made._rng = AmclParameters(), threading.RLock(), np.random.default_rng(1)
     made._map_to_odom, made._start_anywhere = SimpleNamespace(configure=lambda *_: None), False
     made._covariance, made._pending_pose, made._newest_scan = np.eye(3), None, None
-    made._odom_pose, made._odom_stamp = Pose2D(0.5, 0.0, 0.0), 9.0
+    made._odom_pose = Pose2D(0.5, 0.0, 0.0)
     floor = OccupancyMap(np.zeros((100, 100), np.int8), 0.05, IDENTITY)
     made._start_on(floor, (PLACE, SURE, KeptPose(PLACE, IDENTITY, 1.0)))
     return made
@@ -44,27 +44,27 @@ def place_of(node):
 
 
 def test_a_restarted_robot_is_where_it_has_driven_since_and_as_sure_of_that_as_before(node):
-    node._resume()
+    node._resume(9.0)
     place, spread = place_of(node)
     assert place.distance_to(PLACE.compose(Pose2D(0.5, 0.0, 0.0))) < 0.01 and spread < 0.02
 
 
 def test_what_was_kept_is_taken_up_once_and_not_at_every_scan(node):
-    node._resume()
+    node._resume(9.0)
     node._localizer.set_initial_pose(OTHER, SURE)
-    node._resume()
+    node._resume(9.0)
     assert place_of(node)[0].distance_to(OTHER) < 0.01
 
 
 def test_who_says_before_the_first_scan_where_the_robot_is_is_believed(node):
     node._start_at(OTHER, SURE, False)
-    node._resume()
+    node._resume(9.0)
     assert place_of(node)[0].distance_to(OTHER) < 0.01
 
 
 def test_who_asks_before_the_first_scan_to_look_everywhere_has_that_done(node):
     node._globalize(EmptyRequest())
-    node._resume()
+    node._resume(9.0)
     assert place_of(node)[1] > 1.0
 
 
