@@ -33,8 +33,7 @@ PAUSED = "paused"
 BUSY_DELAY = 0.01
 """Seconds between two checks of a controller that is still busy with a call of an ended drive."""
 FINAL = frozenset((
-    ControlOutcome.INVALID_PATH, ControlOutcome.ROBOT_STUCK, ControlOutcome.BLOCKED_GOAL, ControlOutcome.MISSED_PATH,
-))
+    ControlOutcome.INVALID_PATH, ControlOutcome.ROBOT_STUCK, ControlOutcome.BLOCKED_GOAL, ControlOutcome.MISSED_PATH))
 """Outcomes that are not retried, since the same path would fail again; controllers wait by themselves before them."""
 
 
@@ -134,8 +133,10 @@ class ControllerExecution:
         if self._robot.paused:
             self._stand_by(now)
             return
-        if UNSEEN < now - self._pacer.next < math.inf:
-            self._start_over(now)
+        late = now - self._pacer.next
+        if UNSEEN < late < math.inf:
+            self._start_over(now, late)
+            self._no_command(now, ControlOutcome.NO_VALID_CMD, f"control cycles came to a stop for {late:.1f} s")
         if self._job is not None:
             self._watch(now, self._job)
         if not self.task.done and self._job is None and self._pacer.is_due(now):
@@ -150,11 +151,12 @@ class ControllerExecution:
             self._pacer.passed(now, 1.0 / self._parameters().controller_frequency)
             self._report(ControlOutcome.SUCCESS, PAUSED)
 
-    def _start_over(self, now: float) -> None:
-        """Restart all timeouts, and drop the answer of a running cycle."""
+    def _start_over(self, now: float, late: float = math.inf) -> None:
+        """Leave `late` (s) out of patience, or all, restart other timeouts, and drop the answer of a running cycle."""
         self._job_task = Task()  # matches no drive, see _collect
-        for watch in (self._since_start, self._since_valid, self._since_call):
-            watch.start(now)
+        for watch in (self._since_start, self._since_valid):
+            watch.leave_out(min(late, watch.elapsed(now)))
+        self._since_call.start(now)
         self._since_pose.reset()
         self._oscillation.restart(now)
 
@@ -211,8 +213,7 @@ class ControllerExecution:
         here = self._robot.caught_up(pose, frame)
         state = ControlState(
             now, self._robot.expected_in(here, snapshot), velocity, snapshot, costmap_from_path, period,
-            self._robot.commanded, self._robot.delay.seconds, here, self._robot.delay.told_lately(),
-        )
+            self._robot.commanded, self._robot.delay.seconds, here, self._robot.delay.told_lately())
         goal = path.goal
         return ControlView(
             state, FramedPose(global_pose, global_frame), pose_in_path.distance_to(goal),

@@ -2,10 +2,11 @@
 
 import pytest
 import scripted
-from scripted import FORWARD, GOAL
+from scripted import FORWARD, GOAL, STOP
 
 from mbf_relay.geometry import Twist2D
 from mbf_relay.navigation.goals import NavigateOutcome
+from mbf_relay.outcomes import ControlOutcome
 
 
 def sleep(bench, seconds):
@@ -43,3 +44,17 @@ def test_a_robot_that_wakes_does_not_drive_by_what_was_computed_before(make_benc
     sent = len(bench.robot.sent)
     bench.run(lambda: any(told.x > 0.0 for told in bench.robot.sent[sent:]))
     assert not task.done and all(told.theta == 0.0 for told in bench.robot.sent)
+
+
+@pytest.mark.parametrize("period", [1.2, 3.0])
+def test_a_robot_whose_computer_wakes_for_a_moment_now_and_then_stands_and_its_goal_ends(make_bench, period):
+    """It was told nothing any more: it drove on with its last velocity for good, and no patience ended its goal."""
+    bench = make_bench(
+        scripted.HeldWorker(), controller_patience=5.0, planner_frequency=0.0, oscillation_timeout=0.0,
+        recovery_enabled=False)
+    task = bench.navigator.move_base(GOAL)
+    bench.run(lambda: bench.robot.pose.x > 0.1)
+    bench.step(period)
+    assert bench.robot.sent[-1] == STOP and not task.done
+    bench.run(lambda: task.done, 400.0, period)
+    assert task.result.outcome is ControlOutcome.PAT_EXCEEDED and bench.robot.sent[-1] == STOP
