@@ -282,9 +282,8 @@ class MoveBase:
             if self._ways.takes(now, at.path, result.path, self._last.pose):
                 self._follow(result.path, same_goal=True)
             return
-        self._replan_trouble = (
-            f"replanning failed, going on along the last path: {result.outcome.name}: {result.message}"
-        )
+        trouble = f"{result.outcome.name}: {result.message}"
+        self._replan_trouble = f"replanning failed, going on along the last path: {trouble}"
         if self._ways.is_blocked(at.path, self._last.pose):
             self._stop_driving(now, at)
             if self._recover(result.outcome, result.message, result.cause):
