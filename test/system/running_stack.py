@@ -21,9 +21,10 @@ from mbf_relay.ros.common.rospy_patches import receiving  # noqa: E402
 
 OF_THE_MACHINE = (
     "the machine is too slow for it", "the robot drives slower until that is less",
-    "no velocity command answered the last scan", "Inbound TCP/IP connection failed",
+    "no velocity command answered the last scan", "what it saw is too old to drive by", "control cycles came to a stop",
+    "Inbound TCP/IP connection failed",
 )
-"""What the simulator says where the machine cannot keep up, and rospy of a client that ended while it connected."""
+"""What simulator and server say where the machine cannot keep up, and rospy of a client that ended as it connected."""
 
 
 class Run(NamedTuple):
