@@ -154,6 +154,8 @@ class Action:
             else:
                 still_running.append(request)
         self._running = still_running
+        if running and not still_running:
+            self._warnings.worked()  # the next goal's trouble is another one
 
     def _warn_of(self, feedback: FollowFeedback) -> None:
         """Log what keeps the robot from its goal, which clients of move_base are not told."""

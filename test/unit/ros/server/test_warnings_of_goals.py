@@ -7,7 +7,7 @@ import pytest
 from actionlib_msgs.msg import GoalID
 from genpy import Time
 from geometry_msgs.msg import PoseStamped
-from mbf_msgs.msg import MoveBaseGoal
+from mbf_msgs.msg import ExePathGoal, MoveBaseGoal
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "navigation"))
 
@@ -92,6 +92,25 @@ def test_a_robot_that_drives_on_by_a_new_path_after_a_recovery_says_nothing_of_a
     log.after(0.2)
     log.bench.script.velocity = scripted.FORWARD
     assert log.after(4.0) == []
+
+
+def test_one_refused_velocity_is_no_warning_though_the_drive_before_ended_in_trouble():
+    """It was taken for trouble that had lasted since."""
+    log = Log()
+    follow = next(action for action in log.actions if action.name == "exe_path")
+    log.actions[-1].server.take_cancel(GoalID(id="drive"))
+    for drive in ("ends", "goes on"):
+        goal = ExePathGoal()
+        goal.path.poses = [PoseStamped(), PoseStamped()]
+        for pose, x in zip(goal.path.poses, (log.bench.robot.pose.x, 90.0)):
+            pose.header.frame_id, pose.pose.position.x, pose.pose.orientation.w = "map", x, 1.0
+        log.bench.script.velocity = scripted.STUCK
+        follow.server.take_goal(GoalID(id=drive), goal, "client")
+        log.after(0.5)
+        if drive == "ends":
+            follow.server.take_cancel(GoalID(id=drive))
+            log.after(30.0)
+    assert len(follow._running) == 1 and log.said == []
 
 
 def test_a_recovery_that_fails_is_told_of(monkeypatch):
