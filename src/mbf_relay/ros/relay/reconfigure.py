@@ -145,7 +145,7 @@ class MoveBaseSettings:
         found = {kind: server_plugins(self._server, kind) for kind in self._asked}
         for kind, wanted in self._asked.items():
             if wanted and name_at_server(wanted, found[kind]) is None:
-                rospy.logwarn("%s; goals get the first of them", _no_such_plugin(wanted, found[kind], self._server))
+                rospy.logwarn("%s; goals get its default", _no_such_plugin(wanted, found[kind], self._server))
         self._plugins = found
 
     def _change(self, new: MoveBaseParameters) -> None:

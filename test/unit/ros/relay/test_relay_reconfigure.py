@@ -109,7 +109,7 @@ def test_whoever_names_a_planner_that_the_server_has_not_is_told_which_one_drive
     settings.send_wishes(None)
     assert settings.plugin_names() == ("", "") and settings.knows_server
     assert len(said) == 1 and said[0].startswith("/move_base_flex has no plugin 'my/Planner'; it has: ")
-    assert said[0].endswith("; goals get the first of them")
+    assert said[0].endswith("; goals get its default")
 
 
 def test_no_goal_is_composed_while_the_server_s_plugins_are_being_learned(monkeypatch):
