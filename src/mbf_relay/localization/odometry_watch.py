@@ -19,8 +19,9 @@ LIVELIEST = 10.0
 class OdometryWatch:
     """Checks from scan to scan whether odometry was reset.
 
-    A jump farther than a robot can move is taken for a reset if the scan fits the map at the former pose, and better
-    than where odometry leads. Otherwise the robot itself was moved, as a simulator can do, odometry included.
+    A jump farther than a robot can move is taken for a reset if the scan fits the map at the former place, with the
+    former heading or with odometry's, and better than where odometry leads: odometry may jump aside while the robot
+    turns. Otherwise the robot itself was moved, as a simulator can do, odometry included.
 
     Attributes:
         jumps: Number of resets so far.
@@ -54,8 +55,10 @@ class OdometryWatch:
         if way <= JUMP + elapsed * min(FASTEST, fastest + LIVELIEST * elapsed):
             self._pace = way / elapsed
             return None
-        here, there = fit(map_from_odom.compose(before)), fit(map_from_odom.compose(odom_pose))
-        if here is None or there is None or here < DOUBTFUL or there >= here:
+        turned = before._replace(theta=odom_pose.theta)
+        fits = [fit(map_from_odom.compose(pose)) for pose in (before, turned, odom_pose)]
+        shares = [share for share in fits if share is not None]
+        if len(shares) < len(fits) or max(shares[:2]) < DOUBTFUL or shares[2] >= max(shares[:2]):
             return None
         self.jumps += 1
-        return odom_pose.compose(before.inverse())
+        return odom_pose.compose((before if shares[0] >= shares[1] else turned).inverse())

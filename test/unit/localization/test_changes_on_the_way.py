@@ -52,6 +52,19 @@ def test_a_robot_that_has_not_come_far_when_its_odometry_begins_anew_stays_where
     assert made.odometry.jumps == 1
 
 
+@pytest.mark.parametrize("robust", [False, True])
+def test_a_robot_that_turns_while_its_odometry_jumps_aside_and_back_stays_where_it_is(robust):
+    """Its scan did not fit with the heading of before: it was taken to have gone where odometry led, out of the map."""
+    made, truth, odom = localizer(robust=robust), START, IDENTITY
+    for index in range(30):
+        step = Pose2D(0.1, 0.0, 0.2) if index not in (10, 20) else Pose2D(0.0, 0.0, 0.45)
+        truth, odom = truth.compose(step), odom.compose(step)
+        told = odom._replace(x=odom.x + 2.0) if 10 <= index < 20 else odom
+        made.process(told, scan_at(room(), truth, stamp=0.2 * index), IDENTITY)
+        assert made.map_from_odom.compose(told).distance_to(truth) < (0.15 if robust else 0.3)
+    assert made.odometry.jumps == 2
+
+
 def test_a_robot_that_starts_and_stops_as_hard_as_one_can_is_where_it_drove():
     """Odometry that leads beside the walls for a moment, as wheels that spin do, is not one that began anew."""
     made, truth, odom = localizer(), START, IDENTITY
