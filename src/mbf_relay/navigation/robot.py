@@ -104,8 +104,8 @@ class Robot(abc.ABC):
 
     def explained(self, standing: str) -> str:
         """Return a message that it stands against its commands, with the reason where one is known; empty as it is."""
-        why = self.unheard or self.held_back
-        return f"{why}: {standing}" if why and standing else standing
+        why = standing and (self.unheard or self.held_back)
+        return f"{why}: {standing}" if why else standing
 
     @property
     def knows_its_motion(self) -> bool:
