@@ -22,7 +22,6 @@ from mbf_relay.ros.common.rospy_patches import receiving  # noqa: E402
 OF_THE_MACHINE = (
     "the machine is too slow for it", "the robot drives slower until that is less",
     "no velocity command answered the last scan", "what it saw is too old to drive by", "control cycles came to a stop",
-    "_costmap was last updated", "_costmap: lidar source 'scan' on topic 'scan' sent nothing",
     "Inbound TCP/IP connection failed",
 )
 """What simulator and server say where the machine cannot keep up, and rospy of a client that ended as it connected."""
