@@ -7,6 +7,8 @@ import time
 from pathlib import Path
 from typing import Any, Callable, List, Optional, Union
 
+LOOK_PERIOD = 0.1
+"""Wall seconds between two looks of which each costs much, as one at the master, a page or every process does."""
 _PAUSE = threading.Event()
 
 

@@ -14,16 +14,13 @@ from map_msgs.msg import OccupancyGridUpdate
 from move_base_msgs.msg import MoveBaseActionGoal, MoveBaseActionResult
 from nav_msgs.msg import OccupancyGrid
 from programs import program
-from ros_testing import Listener, wait_until
+from ros_testing import LOOK_PERIOD, Listener, wait_until
 from rosgraph_msgs.msg import Log
 from sensor_msgs.msg import LaserScan
 from tf2_msgs.msg import TFMessage
 from web_client import WebClient
 
 from mbf_relay.ros.tools.demo_graph import free_port
-
-LOOK_PERIOD = 0.1
-"""Wall seconds between two looks at the master or the page, of which each costs several processes a connection."""
 
 
 class PaperRobot:

@@ -18,7 +18,7 @@ import rostest
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 
 from programs import program  # noqa: E402
-from ros_testing import wait_until  # noqa: E402
+from ros_testing import LOOK_PERIOD, wait_until  # noqa: E402
 from running_stack import OF_THE_MACHINE  # noqa: E402
 from web_client import WebClient  # noqa: E402
 
@@ -26,8 +26,6 @@ from mbf_relay.ros.tools.demo_graph import descendants  # noqa: E402
 
 MARK = "MBF_RELAY_DEMO_TEST"
 PATIENCE = 240.0
-LOOK_PERIOD = 0.1
-"""Wall seconds between two looks at every process of the machine."""
 OF_ROS_CPP = ("rosout", "robot_state_publisher")
 """ROS's own nodes in C++ take requests on every interface, whatever they are told; topics they send on loopback alone.
 """

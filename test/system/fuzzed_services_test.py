@@ -22,12 +22,12 @@ from geometry_msgs.msg import Twist
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from random_messages import NUMBERS, WORDS, message, values
-from ros_testing import Listener, wait_until
+from ros_testing import LOOK_PERIOD, Listener, wait_until
 from rosgraph_msgs.msg import Log
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 
-from pulled import LOOK_PERIOD, NODES, pid_of  # noqa: E402
+from pulled import NODES, pid_of  # noqa: E402
 from running_stack import start_test_node  # noqa: E402
 from tally import LONG, how_many, trial  # noqa: E402
 

@@ -16,7 +16,7 @@ from mbf_msgs.msg import MoveBaseAction as FlexAction  # noqa: E402
 from mbf_msgs.msg import MoveBaseActionResult  # noqa: E402
 from move_base_msgs.msg import MoveBaseAction, MoveBaseGoal  # noqa: E402
 from nav_msgs.msg import Odometry  # noqa: E402
-from ros_testing import Listener, wait_until  # noqa: E402
+from ros_testing import LOOK_PERIOD, Listener, wait_until  # noqa: E402
 from running_stack import Witness  # noqa: E402
 
 from mbf_relay.outcomes import TransformError  # noqa: E402
@@ -24,8 +24,6 @@ from mbf_relay.ros.common.actions.action_client import ActionClient  # noqa: E40
 from mbf_relay.ros.common.transforms import Transforms  # noqa: E402
 
 NODES = ("/move_base_flex", "/velocity_guard", "/move_base", "/amcl", "/map_server", "/robot_state_publisher")
-LOOK_PERIOD = 0.1
-"""Wall seconds between two looks for a node, which cost the master and the node a connection each."""
 SLOW = 0.01
 """Metres and radians per second below which a robot counts as standing."""
 

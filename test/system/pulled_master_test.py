@@ -23,8 +23,8 @@ from mbf_msgs.msg import MoveBaseGoal as FlexGoal
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 
-from pulled import LOOK_PERIOD, SLOW, PulledCase, goal_at, pid_of  # noqa: E402
-from ros_testing import Listener, wait_until  # noqa: E402
+from pulled import SLOW, PulledCase, goal_at, pid_of  # noqa: E402
+from ros_testing import LOOK_PERIOD, Listener, wait_until  # noqa: E402
 from running_stack import run_client, start_test_node  # noqa: E402
 from tally import trial  # noqa: E402
 

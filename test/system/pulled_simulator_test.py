@@ -10,8 +10,8 @@ import rostest
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 
-from pulled import LOOK_PERIOD, PulledCase, pid_of  # noqa: E402
-from ros_testing import wait_until  # noqa: E402
+from pulled import PulledCase, pid_of  # noqa: E402
+from ros_testing import LOOK_PERIOD, wait_until  # noqa: E402
 from running_stack import start_test_node  # noqa: E402
 from tally import how_many, trial  # noqa: E402
 

@@ -24,7 +24,7 @@ sys.path.insert(0, str(TEST))
 
 from programs import program  # noqa: E402
 from readmes import block_with, command_with, first_command, run_to_end, texts  # noqa: E402
-from ros_testing import wait_until  # noqa: E402
+from ros_testing import LOOK_PERIOD, wait_until  # noqa: E402
 from virtual_screen import RViz, VirtualScreen  # noqa: E402
 
 from mbf_relay.maps import OCCUPIED, load_map  # noqa: E402
@@ -37,8 +37,6 @@ FASTER = " real_time_factor:=4 command_patience:=3"
 """Added to the world's launch file, for the sake of the test's length; all but these two is run word for word."""
 PATIENT = "{move_base: {silence_timeout: 3.0}}"
 """Parameters added to navigation's launch file: what a busy machine keeps waiting does not hang."""
-LOOK_PERIOD = 0.1
-"""Wall seconds between two looks for a node: the master takes longer to answer than a node to wait for the next."""
 
 
 class TestReadme(unittest.TestCase):
